@@ -14,12 +14,15 @@ ROS_PIP := $(ROS)/bin/pip --quiet --disable-pip-version-check
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 FRESH := $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')
 
-.PHONY: demo test test-browser test-ray test-ros newest evaluate lint lint-js format bench fuzz campaigns properties attack soak mutants engines docs docs-check package-check clean
+.PHONY: demo test test-browser test-ray test-ros newest evaluate lint lint-js format bench fuzz campaigns properties attack soak mutants engines docs screenshots docs-check package-check extension site site-version clean
 
 demo: $(VENV)/installed  ## check a shipped plan
 	@$(BIN)/gpsfsm check corpus/plans/tour_guide.xml || test $$? -eq 1
+	@echo
+	@echo "This plan has two mistakes on purpose. Activate the environment: . $(BIN)/activate"
+	@echo "Then continue with docs/tutorial/index.md, or check a file of your own: gpsfsm check FILE"
 
-test: $(VENV)/installed-dev  ## run the whole test suite, with the same random cases every time
+test: $(VENV)/installed-dev  ## the whole test suite; CASES=all takes all random cases, not one of four
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
 test-browser: $(VENV)/installed-dev  ## the pages in a real browser; Chromium comes from the system
@@ -39,8 +42,8 @@ newest: pyproject.toml  ## the suite with the newest versions of everything; it 
 	-.venv-newest/bin/python -m pytest -n auto --dist worksteal -q -W default
 	@.venv-newest/bin/pip list --disable-pip-version-check --format freeze | diff -i constraints.txt - || true
 
-evaluate: $(VENV)/installed  ## grade a recorded experiment: make evaluate EXPERIMENT=../gpsfsm-2026
-	@$(BIN)/python experiments/evaluate.py $(EXPERIMENT)
+evaluate: $(VENV)/installed  ## grade the experiment of the paper: make evaluate EXPERIMENT=../gpsfsm-2026
+	@$(BIN)/python experiments/evaluate.py $(EXPERIMENT) --paper
 
 lint: $(VENV)/installed-dev lint-js
 	$(BIN)/ruff check .
@@ -67,7 +70,7 @@ campaigns: $(VENV)/installed-dev  ## random cases, put to independent judges: SE
 	$(BIN)/python -m tests.campaigns --seconds $(or $(SECONDS),120) --seed $(or $(SEED),1)
 
 properties: $(VENV)/installed-dev  ## the property tests of the suite, with new cases every time
-	HYPOTHESIS_PROFILE=fresh $(BIN)/python -m pytest -q -n auto --dist worksteal -m hypothesis
+	CASES=all HYPOTHESIS_PROFILE=fresh $(BIN)/python -m pytest -q -n auto --dist worksteal -m hypothesis
 
 attack: $(VENV)/installed-dev  ## ten minutes of hostile texts, files, journals, servers and clients
 	$(BIN)/python -m tests.campaigns --attacks --seconds $(or $(SECONDS),600) --seed $(or $(SEED),1)
@@ -84,21 +87,47 @@ engines: $(VENV)/installed-dev  ## the grammars in xgrammar, which takes several
 	$(PIP) xgrammar
 	$(BIN)/python -m pytest -m slow -W default tests/grammars
 
-docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/ and grammars/
+screenshots: $(VENV)/installed-dev  ## takes the pictures of pages in docs/pictures anew; look at each after that
+	$(PIP) $(PINS) 'playwright>=1.50'
+	$(BIN)/python docs/screenshots.py
+
+docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/ and grammars/, and the version and the owner everywhere
+	$(BIN)/python packaging/stamp.py
 	$(BIN)/python docs/generate.py
 	$(BIN)/python docs/engines.py
 
 docs-check: $(VENV)/installed-dev
+	$(BIN)/python packaging/stamp.py --check
 	$(BIN)/python docs/generate.py --check
 	$(BIN)/python docs/engines.py --check
 	$(BIN)/python -m pytest -q -n auto --dist worksteal -m commands
 
-package-check: $(VENV)/installed-dev  ## the sdist, the wheel made from it, used in an empty environment
-	$(BIN)/python tests/package_check.py
+package-check: $(VENV)/installed-dev  ## sdist, wheel, image and hooks, built and used where nothing is
+	$(BIN)/python -m pytest -m packages tests/installation tests/pipelines
+
+extension: VSCE := @vscode/vsce@3.9.2
+extension:  ## the extension of Visual Studio Code: build/vscode/gpsfsm-VERSION.vsix; needs npm
+	rm -rf build/vscode
+	mkdir -p build
+	cp -r editors/vscode build/vscode
+	cp LICENSE build/vscode
+	cd build/vscode && npm ci --no-audit --no-fund --ignore-scripts --silent
+	cd build/vscode && npm exec --yes --ignore-scripts -- $(VSCE) package
+
+site: $(VENV)/installed-docs  ## the documentation site, into build/site; a broken link is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+
+site-version: $(VENV)/installed-docs  ## the same as a version of the branch gh-pages: VERSION=0.2
+	NO_MKDOCS_2_WARNING=1 PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/mike deploy --update-aliases $(VERSION) latest
+	$(BIN)/mike set-default latest
 
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) $(PINS) -e .
+	@touch $@
+
+$(VENV)/installed-docs: $(VENV)/installed
+	$(PIP) $(PINS) -e '.[docs]'
 	@touch $@
 
 $(VENV)/installed-dev: pyproject.toml constraints.txt

@@ -35,18 +35,20 @@ DEFAULT_MAX_SCENARIOS = 100
 
 @dataclass(frozen=True, slots=True)
 class AnalysisOptions:
-    """Scenario options (semantics, section 4) and how to decide.
+    """The scenarios that a check considers (semantics, section 4) and how it decides.
 
-    ``solver``: ``auto`` takes the structural pass where it is exact, and z3 proves what it
-    says; elsewhere z3 decides. What is not put to it as a refutation z3 answers by itself, on
-    plans of up to ``second_opinion`` runners; scenarios that only it can find are looked for up
-    to there too. ``rlimit`` bounds z3's steps per question, ``total_rlimit`` those for the
-    whole plan (see ``gpsfsm.analysis.options``); ``max_scenarios`` the scenarios per rule and
-    plan. With ``require_proof`` a plan whose answers are not all proved is undecided.
-    ``deadline_s`` (seconds) and ``energy_limit_j`` (joules) are what a run may take; None: no
-    limit. ``tolerate``: so many failures must not end the plan; 0: any failure may.
-    ``allowance_s`` is what a real run adds to the declared durations, once as it begins
-    and once for each action; 0: they are taken as they are.
+    - ``solver``: ``auto`` uses the structural pass where it is exact and z3 elsewhere; z3 also
+      proves the answers of the structural pass.
+    - ``second_opinion``: up to this number of runners, z3 also answers the questions itself that
+      are not put to it as refutations, and searches for scenarios that only it can find.
+    - ``rlimit``, ``total_rlimit``: z3's steps per question and for the whole plan.
+    - ``max_scenarios``: the scenarios per rule and plan.
+    - ``require_proof``: a plan is undecided unless all answers are proved.
+    - ``deadline_s``, ``energy_limit_j``: the seconds and joules that a run may take; None: no
+      limit.
+    - ``tolerate``: the number of failures that must not end the plan; 0: any failure may.
+    - ``allowance_s``: the seconds that a real run adds to the declared durations, once at its
+      beginning and once for each action.
     """
 
     faults: tuple[str, ...] = ()

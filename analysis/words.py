@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.plan import Plan
 
-__all__ = ["action", "count", "listed", "place", "story"]
+__all__ = ["action", "count", "fewest_words", "listed", "place", "story"]
 
 _MAX_STEPS = 8
 
@@ -51,6 +51,15 @@ def listed(items: Sequence[str], *, most: int = 3) -> str:
 def count(number: int, noun: str) -> str:
     """``1 failure``, ``2 failures``."""
     return f"{number} {noun}" + "s" * (number != 1)
+
+
+def fewest_words(number: int | None) -> str:
+    """The fewest failures that end a plan: ``1 failure is enough``."""
+    if number is None:
+        return "it is unknown how many are needed"
+    if number <= 1:
+        return "1 failure is enough" if number else "no failure is needed"
+    return f"this takes at least {number} failures in total"
 
 
 def story(

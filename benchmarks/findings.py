@@ -285,8 +285,8 @@ def main() -> int:
     print(
         f"{len(planted)} different plans with one defect ("
         + ", ".join(f"{name} {number}" for name, number in sorted(kinds.items()))
-        + f"); {len(other)} of them do something else than the original and miss no task, of which "
-        f"the gate accepts {sum(each.accepted for each in other)}."
+        + f"); {len(other)} of them behave differently from the original but miss no task, and the "
+        f"gate accepts {sum(each.accepted for each in other)} of these."
     )
     return 0
 

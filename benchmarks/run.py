@@ -22,6 +22,7 @@ DOCUMENTS = {
     "findings": ROOT / "docs" / "findings.md",
     "rival": ROOT / "docs" / "rival.md",
     "ros": ROOT / "docs" / "ros.md",
+    "table one": ROOT / "docs" / "experiments.md",
 }
 """Where the parts stand that do not stand in the first one."""
 PARTS = {
@@ -40,6 +41,7 @@ PARTS = {
     "workers": "benchmarks.workers",
     "fuzz": "benchmarks.fuzz",
     "trees": "benchmarks.trees",
+    "explorations": "benchmarks.explorations",
     "engine": "benchmarks.engine",
     "pictures": "benchmarks.pictures",
     "view": "benchmarks.view",
@@ -47,6 +49,7 @@ PARTS = {
     "rival": "benchmarks.rival",
     "answers": "benchmarks.answers",
     "evaluation": "benchmarks.evaluation",
+    "table one": "benchmarks.table_one",
     "findings": "benchmarks.findings",
     "ros": "benchmarks.ros",
 }

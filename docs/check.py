@@ -1,10 +1,10 @@
 """Run the commands that the documentation shows, and compare what they print.
 
-Checked are the blocks of README.md and docs/*.md that are fenced with three backticks and the
-word ``console``. In such a block a line that begins with ``$ `` is a command, a line that begins
-with ``> `` right after it continues it, and all lines up to the next command are what the command
-prints (standard output and standard error together). A line that is nothing but ``…`` stands for
-any number of lines.
+Checked are the blocks of README.md and of the pages below docs/ that are fenced with three
+backticks and the word ``console``. In such a block a line that begins with ``$ `` is a command, a
+line that begins with ``> `` right after it continues it, and all lines up to the next command are
+what the command prints (standard output and standard error together). A line that is nothing but
+``…`` stands for any number of lines.
 
 Commands run in the root of the repository, one after the other, with the programs of this Python
 installation first on the PATH; ``$?`` is the exit code of the command before.
@@ -39,6 +39,10 @@ _TIMED_OUT = 124
 _ALIKE = 0.6
 """Two lines that are this much alike are the same one, a little changed."""
 _NOT_INHERITED = ("COLUMNS", "FORCE_COLOR", "GPSFSM_DEBUG")
+
+
+_GIT = {"NAME": "A reader", "EMAIL": "reader@example.org"}
+"""Who commits where the pages use git: a machine of CI has not been told."""
 
 
 class DocsError(Exception):
@@ -238,7 +242,7 @@ def _run(command: str, status: int, root: Path, programs: Path | None) -> tuple[
         finished = subprocess.run(  # noqa: S603  (the commands of our own documentation)
             ["/bin/bash", "-c", f"(exit {status})\n{command}"],
             cwd=root,
-            env=_environment(programs),
+            env=environment(programs),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -251,7 +255,7 @@ def _run(command: str, status: int, root: Path, programs: Path | None) -> tuple[
     return finished.returncode, "\n".join(line.rstrip() for line in text.splitlines())
 
 
-def _environment(first: Path | None) -> dict[str, str]:
+def environment(first: Path | None) -> dict[str, str]:
     """As on any machine: no colours, no width of a terminal, UTF-8."""
     found = {name: value for name, value in os.environ.items() if name not in _NOT_INHERITED}
     programs = Path(sys.executable).parent  # not resolved: a virtual environment links its python
@@ -263,18 +267,21 @@ def _environment(first: Path | None) -> dict[str, str]:
         "NO_COLOR": "1",
         "PYTHONUTF8": "1",
         "TERM": "dumb",
+        **{f"GIT_{role}_{part}": _GIT[part] for role in ("AUTHOR", "COMMITTER") for part in _GIT},
     }
 
 
 def documents(root: Path) -> list[Path]:
-    """README.md and docs/*.md."""
-    return [file for file in (root / "README.md", *sorted(root.glob("docs/*.md"))) if file.exists()]
+    """README.md and the pages below docs/."""
+    return [
+        file for file in (root / "README.md", *sorted(root.glob("docs/**/*.md"))) if file.exists()
+    ]
 
 
 def main() -> int:
     """Check the given files, or all."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("files", nargs="*", type=Path, help="default: README.md and docs/*.md")
+    parser.add_argument("files", nargs="*", type=Path, help="default: README.md and docs/**/*.md")
     parser.add_argument("--root", type=Path, default=ROOT, help="where commands run")
     parser.add_argument("--programs", type=Path, help="a folder of programs that come first")
     parser.add_argument("--write", action="store_true", help="write what commands print now")

@@ -69,8 +69,8 @@ DIFFERENCES = (
     ),
     Difference(
         "The runner before a parallel control is an input of its join",
-        "All units fail here. By the paper the control has failed then. On the engines the success "
-        "of the drive, which came before, is enough for the join.",
+        "All units fail here, so by the paper the control fails. On the engines the earlier "
+        "success of the drive is enough for the join.",
         _plan(DRIVE, _control("parallel_any", LOOK, SAY), HOME),
         "GAVE_UP: Drive → Look + Say",
         "COMPLETED: Drive + Look + Say → Home",
@@ -80,10 +80,10 @@ DIFFERENCES = (
         failing=("Look", "Say"),
     ),
     Difference(
-        "The join of a parallel_all counts what stands before it",
-        "The engines count every success of the whole plan that leads nowhere yet, not the units "
-        "of the control: three here. The drive fails, so the third never comes. By the paper "
-        "nothing of the control has started.",
+        "The join of a parallel_all counts steps before it",
+        "The engines do not count the units of the control, but all successes in the plan that "
+        "lead nowhere yet: three here. The drive fails, so the third never comes. By the paper, "
+        "nothing in the control starts.",
         _plan(DRIVE, _control("parallel_all", LOOK, SAY)),
         "GAVE_UP: Drive",
         "HANG: Drive + Look + Say",
@@ -93,10 +93,10 @@ DIFFERENCES = (
         failing=("Drive",),
     ),
     Difference(
-        "A join leads to itself until something overwrites that",
-        "A join that is made collects all successes that lead nowhere, its own among them. A "
-        "runner behind the control takes that back; another control does not. The join then "
-        "triggers itself, and the engine dies, whatever else happens.",
+        "A join leads to itself until that is overwritten",
+        "A new join collects all successes that lead nowhere, including its own. A runner behind "
+        "the control undoes that; another control does not. Then the join triggers itself, and the "
+        "engine crashes, whatever else happens.",
         _plan(DRIVE, _control("recovery", DETOUR), _control("recovery", HOME)),
         "COMPLETED: Drive",
         "ABORT: Drive",
@@ -108,7 +108,7 @@ DIFFERENCES = (
         "Units start one after the other",
         "By the paper all units start at once. On the engines each further unit waits for STARTED "
         "of the one before it. Here the first one does not start, so the second never does. (With "
-        "`--faults no-start`, gpsfsm has that for the paper too: semantics, 3.5.)",
+        "`--faults no-start`, the same holds for the paper: semantics, 3.5.)",
         _plan(_control("parallel_any", LOOK, SAY)),
         "COMPLETED: Say",
         "HANG: nothing",
@@ -118,9 +118,9 @@ DIFFERENCES = (
         refusing=("Look",),
     ),
     Difference(
-        "The runners of the second version do not say that they have started",
-        "Only those that wait for a message of a topic, such as OccupancyGridRunner, emit STARTED. "
-        "A parallel control is then skipped, or waits for ever.",
+        "The runners of the second version do not report that they have started",
+        "Only runners that wait for a message on a topic, such as OccupancyGridRunner, emit "
+        "STARTED. A parallel control is then skipped, or waits for ever.",
         _plan(DRIVE, _control("parallel_any", LOOK, SAY), HOME),
         "COMPLETED: Drive → Look + Say → Home",
         "ABORT: Drive + Look + Say → Home",
@@ -130,9 +130,9 @@ DIFFERENCES = (
     ),
     Difference(
         "The second input of a join kills the engine",
-        "A join starts a thread for each input over the one before, which ends the process. In "
-        "the first version that concerns the joins of which one input is enough, in the second "
-        "all. So a parallel_all of which two units do start always kills the second version.",
+        "For each input a join starts a thread in place of the previous one, which ends the "
+        "process. In the first version this affects joins that need only one input, in the second "
+        "all joins. So a parallel_all in which two units start always kills the second version.",
         _plan(_control("parallel_all", MAP, LOOK), SAY),
         "COMPLETED: OccupancyGridRunner + Look → Say",
         "COMPLETED: OccupancyGridRunner + Look → Say",
@@ -143,8 +143,8 @@ DIFFERENCES = (
     Difference(
         "A nested control replaces the control around it",
         "The steps of a sequential control in a recovery or a parallel control are connected by "
-        "SUCCEEDED to what stands before, as if the control around it were not there. The detour "
-        "is taken although nothing has failed.",
+        "SUCCEEDED to the step before, as if there were no control around them. The detour is "
+        "taken although nothing has failed.",
         _plan(DRIVE, _control("recovery", _control("sequential", DETOUR, SAY)), HOME),
         "COMPLETED: Drive → Home",
         "COMPLETED: Drive → Detour → Say → Home",
@@ -153,9 +153,9 @@ DIFFERENCES = (
         ("GP703",),
     ),
     Difference(
-        "What stands behind two controls is never reached",
+        "Steps behind two controls are never reached",
         "The second control is connected to STARTED or FAILED of the first one's join, which a "
-        "join never emits. All that follows is out of reach, completion included.",
+        "join never emits. Everything that follows is unreachable, including completion.",
         _plan(
             _control("parallel_all", LOOK, SAY),
             _control("parallel_all", DRIVE, DETOUR),
@@ -181,9 +181,9 @@ DIFFERENCES = (
     ),
     Difference(
         "Nothing gives up",
-        "By the paper the plan gives up, and a new one is asked for. The engines have no such "
-        "thing: the plan stays running for ever, and every plan behind it waits. That alone is no "
-        "finding GP703; GP302 says which failures do it and how many it takes.",
+        "By the paper the plan gives up, and a new one is requested. The engines cannot give up: "
+        "the plan stays in the state running for ever, and every plan behind it waits. That alone "
+        "is not a finding GP703; GP302 reports which failures cause it and how many are needed.",
         _plan(DRIVE, _control("recovery", HOME)),
         "GAVE_UP: Drive → Home",
         "HANG: Drive → Home",
@@ -193,9 +193,9 @@ DIFFERENCES = (
         failing=("Drive", "Home"),
     ),
     Difference(
-        "A runner that does not start says nothing",
-        "A goal that is refused, or a service that is not there, is no failure to the engines: no "
-        "event comes, and so no recovery either. Such runs are looked at with `--faults no-start`.",
+        "A runner that does not start reports nothing",
+        "For the engines, a refused goal or a missing service is not a failure: there is no event, "
+        "and so no recovery either. Use `--faults no-start` to consider such runs.",
         _plan(DRIVE, _control("recovery", HOME)),
         "COMPLETED: Home",
         "HANG: nothing",
@@ -209,7 +209,7 @@ DIFFERENCES = (
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A text, and whether gpsfsm, fabric-v1 and fabric-v2 take it: yes, no, or dies.
+    """A text, and whether gpsfsm, fabric-v1 and fabric-v2 take it: yes, no, or crashes.
 
     fabric-v3 takes what fabric-v2 takes, as far as no runner in it needs anything.
     """
@@ -224,7 +224,7 @@ _GO = '<Runner interface="Go" provider="Go"/>'
 TEXTS = (
     Text("text before the plan", f"Sure: <Plan>{_GO}</Plan>", ("no", "yes", "yes")),
     Text("text behind the plan", f"<Plan>{_GO}</Plan> Done.", ("no", "no", "no")),
-    Text("marks of Markdown", f"```xml\n<Plan>{_GO}</Plan>\n```", ("no", "no", "no")),
+    Text("Markdown fences", f"```xml\n<Plan>{_GO}</Plan>\n```", ("no", "no", "no")),
     Text(
         "a declaration that is not first",
         f'<!-- a --><?xml version="1.0"?><Plan>{_GO}</Plan>',
@@ -241,7 +241,7 @@ TEXTS = (
         '<Plan><Runner interface="Go" interface="Go" provider="Go"/></Plan>',
         ("no", "no", "no"),
     ),
-    Text("an element that is not known", "<Plan><Event/></Plan>", ("no", "yes", "no")),
+    Text("an unknown element", "<Plan><Event/></Plan>", ("no", "yes", "no")),
     Text(
         "a type in capitals",
         f'<Plan><Control type="Parallel_any">{_GO}</Control></Plan>',
@@ -257,11 +257,11 @@ TEXTS = (
         "an empty control", f'<Plan><Control type="sequential"/>{_GO}</Plan>', ("yes", "yes", "no")
     ),
     Text(
-        "a control with a comment only",
+        "a control with only a comment",
         '<Plan><Control type="sequential"><!-- a --></Control></Plan>',
-        ("yes", "yes", "dies"),
+        ("yes", "yes", "crashes"),
     ),
-    Text("another outermost element", f"<Fabric>{_GO}</Fabric>", ("no", "dies", "dies")),
+    Text("another outermost element", f"<Fabric>{_GO}</Fabric>", ("no", "crashes", "crashes")),
     Text("no step at all", "<Plan/>", ("yes", "yes", "yes")),
 )
 
@@ -301,22 +301,27 @@ _GO_THERE = _capability("nav2_capabilities/WaypointRunner", x="1.0", y="2.0")
 _AGAIN = _control("recovery", _HEAR)
 
 INPUTS = (
-    Passed("the step right before hands the text over", _plan(_HEAR, _SAY), takes=True),
+    Passed("the previous step provides the text", _plan(_HEAR, _SAY), takes=True),
     Passed("the plan writes the text", _plan(_SAY_WRITTEN), takes=True),
-    Passed("nothing gives it", _plan(_SAY), False, "GP701"),
-    Passed("a step further up hands it over", _plan(_HEAR, _GO_THERE, _SAY), False, "GP701"),
+    Passed("nothing provides it", _plan(_SAY), False, "GP701"),
+    Passed("a step further up provides it", _plan(_HEAR, _GO_THERE, _SAY), False, "GP701"),
     Passed("it comes through the join of a recovery", _plan(_HEAR, _AGAIN, _SAY), False, "GP701"),
     Passed(
-        "it comes from a step that has failed, and so has nothing to hand over",
+        "it comes from a step that has failed and so provides nothing",
         _plan(_HEAR, _control("recovery", _SAY)),
         True,
         "GP710",
     ),
     Passed(
-        "the output of the step before has another name, and the same meaning",
+        "the output of the previous step has another name and the same meaning",
         _plan(_WORDS, _SAY),
         True,
         "GP710",
     ),
-    Passed("the plan writes what must come from the step before", _plan(_TELL), False, "GP701"),
+    Passed(
+        "the plan writes a value that must come from the previous step",
+        _plan(_TELL),
+        False,
+        "GP701",
+    ),
 )

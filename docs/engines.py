@@ -25,6 +25,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Load, Start, Stop
 from gpsfsm.model.engine import Crashed
 from gpsfsm.model.finding import Severity
+from gpsfsm.picture import automaton_to_svg
 from gpsfsm.syntax import parse
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ def _taken(each: Text, engine: str = "") -> str:
     reading = read_for_engine(each.text, engine, "plan.xml", Library())
     if isinstance(reading, EngineReading):
         return "yes"
-    return "dies" if isinstance(reading.result, Crashed) else "no"
+    return "crashes" if isinstance(reading.result, Crashed) else "no"
 
 
 def values() -> Iterator[str]:
@@ -168,7 +169,7 @@ def values() -> Iterator[str]:
 
 def inputs() -> Iterator[str]:
     """The table of inputs. Exits if a plan is not taken as it should be."""
-    yield "| where the input of a runner comes from | fabric-v3 | told by |"
+    yield "| where the input of a runner comes from | fabric-v3 | reported by |"
     yield "|---|---|---|"
     for each in INPUTS:
         report = check_text(each.plan, "plan.xml", CheckOptions(engine=THIRD))
@@ -178,6 +179,13 @@ def inputs() -> Iterator[str]:
             raise SystemExit(f"{each.words}: {THIRD} is not expected to do that: {codes}")
         link = f"[{each.rule}](rules/{each.rule}.md)" if each.rule else ""
         yield f"| {each.words} | {'runs the plan' if each.takes else 'refuses it'} | {link} |"
+
+
+def pictures() -> Iterator[tuple[str, str]]:
+    """Each picture of the page, as mermaid and as SVG."""
+    for each in DIFFERENCES:
+        automaton = compiled_of(each.plan, each.shown).automaton
+        yield automaton.to_mermaid().rstrip() + "\n", automaton_to_svg(automaton)
 
 
 def page() -> str:

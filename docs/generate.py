@@ -1,6 +1,7 @@
 """Write docs/rules from the catalogue of rules, and docs/api.md from signatures and docstrings.
 
-The grammars of the built-in capabilities, in grammars/, are written along with them.
+The grammars of the built-in capabilities, in grammars/, the man pages of all commands, in man/, and
+the tables of options in docs/cli.md are written along with them.
 
 python docs/generate.py            writes the files
 python docs/generate.py --check    exits 1 if a file differs
@@ -17,9 +18,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 import gpsfsm
 from gpsfsm.analysis.rules import all_rules
 from gpsfsm.capabilities.library import builtin_capabilities
+from gpsfsm.cli import _GROUP
+from gpsfsm.cli._help import DOCUMENTATION
 from gpsfsm.grammars import DEPTH, alphabet, find_format, format_names
 from gpsfsm.report._rule_docs import rule_markdown, rules_index_markdown
 
@@ -29,16 +34,22 @@ if TYPE_CHECKING:
 _RULES = Path(__file__).parent / "rules"
 _API = Path(__file__).parent / "api.md"
 _GRAMMARS = Path(__file__).parents[1] / "grammars"
+_MAN = Path(__file__).parents[1] / "man"
+_CLI = Path(__file__).parent / "cli.md"
 _HEAD = """# The Python interface
 
-`import gpsfsm` is all: these names are public, and the module
-[`gpsfsm.strategies`](fuzzing.md), which needs hypothesis. Everything else may move. This page is
-generated from the signatures and docstrings by `docs/generate.py`.
+This page is the reference of the Python interface: every function, class and error that
+`import gpsfsm` offers, generated from signatures and docstrings. These names are public, and so is
+the module [`gpsfsm.strategies`](fuzzing.md), which needs hypothesis. Everything else may change.
 
-Functions that take a plan take its text, or the path of its file: a `str` that is empty or holds
-a `<` or a line break is a text, any other a path. What makes no sense raises `UsageError`, a file
-that cannot be read `InputError`; both are kinds of `GpsfsmError`. Names of arguments end with
-their unit.
+Functions that take a plan accept its text or the path of its file: a `str` that is empty or
+contains a `<` or a line break is a text, any other `str` is a path. Invalid arguments raise
+`UsageError`, and a file that cannot be read raises `InputError`; both are subclasses of
+`GpsfsmError`. Names of quantities end with their unit: `_s` for seconds, `_ms` for milliseconds,
+`_us` for microseconds and `_j` for joules.
+
+With `progress=True`, `check`, `grade`, `rewards`, `fuzz` and `generate` show a progress bar on a
+terminal or in a [notebook](notebooks.md).
 """
 _COMMANDS = (
     *("check", "compile_plan", "parse", "fix", "generate", "generate_async", "grade", "rewards"),
@@ -172,6 +183,98 @@ def grammars() -> dict[str, str]:
     return {each.file: each.emit(words, DEPTH) for each in formats if each.emit is not None}
 
 
+# -- the command line --------------------------------------------------------------------------
+
+
+def commands(context: click.Context | None = None) -> Iterator[click.Context]:
+    """The contexts of all commands, each before those that it has."""
+    context = context or click.Context(_GROUP, info_name="gpsfsm", **_GROUP.context_settings)
+    context.meta["--help-all"] = True
+    context.max_content_width = 80
+    yield context
+    if isinstance(context.command, click.Group):
+        for name in context.command.list_commands(context):
+            command = context.command.get_command(context, name)
+            assert command is not None
+            yield from commands(click.Context(command, parent=context, info_name=name))
+
+
+def option_sections(context: click.Context) -> list[tuple[str, list[tuple[str, str]]]]:
+    """The options of a command with their help, below their headings."""
+    command = context.command
+    if hasattr(command, "option_records"):
+        return list(command.option_records(context, every=True))
+    records = [each.get_help_record(context) for each in command.get_params(context)]
+    return [("Options", [each for each in records if each is not None])]
+
+
+def man_pages() -> dict[str, str]:
+    """The man page of every command by the name of its file."""
+    pages = {each.command_path.replace(" ", "-"): _man_page(each) for each in commands()}
+    return {f"{name}.1": text for name, text in pages.items()}
+
+
+def _man_page(context: click.Context) -> str:
+    command, path = context.command, context.command_path
+    name = path.replace(" ", "-")
+    summary = command.get_short_help_str(limit=100).rstrip(".")
+    usage = " ".join(command.collect_usage_pieces(context))
+    lines = [
+        f'.TH {_roff(name.upper())} 1 "" gpsfsm "gpsfsm manual"',
+        *(".SH NAME", f"{_roff(name)} \\- {_roff(summary)}"),
+        *(".SH SYNOPSIS", f".B {_roff(path)}", _roff(usage)),
+        ".SH DESCRIPTION",
+    ]
+    for paragraph in inspect.cleandoc(f"{command.help}\n\n{command.epilog or ''}").split("\n\n"):
+        exact = paragraph.startswith("\b")
+        text = paragraph.removeprefix("\b").strip("\n")
+        lines += [".PP", *([".nf"] if exact else []), *map(_roff, text.split("\n"))]
+        lines += [".fi"] if exact else []
+    for title, records in option_sections(context):
+        lines.append(f".SH {_roff(title.upper())}")
+        for names, text in records:
+            lines += [".TP", f".B {_roff(names)}", _roff(" ".join(text.split()))]
+    if isinstance(command, click.Group):
+        lines += [".SH COMMANDS"]
+        for each in command.list_commands(context):
+            lines += [".TP", f".BR {_roff(f'{name}-{each}')} (1)"]
+            described = command.get_command(context, each)
+            lines += [_roff(described.get_short_help_str(limit=100)) if described else ""]
+    lines += [".SH SEE ALSO"]
+    parent = context.parent
+    if parent is not None:
+        lines += [f".BR {_roff(parent.command_path.replace(' ', '-'))} (1)", ".PP"]
+    return "\n".join([*lines, _roff(DOCUMENTATION)]) + "\n"
+
+
+def _roff(text: str) -> str:
+    """A line of text for roff: no requests, no ligatures of hyphens, ASCII only."""
+    escaped = (
+        text.replace("\\", "\\e").replace("-", "\\-").replace("…", "...").replace("'", "\\(aq")
+    )
+    return f"\\&{escaped}" if escaped.startswith(".") else escaped
+
+
+def cli_markdown(page: str) -> str:
+    """The page about the command line with a table of options in each ``<!-- options: … -->``."""
+    paths = {each.command_path.removeprefix("gpsfsm "): each for each in commands()}
+
+    def table(match: re.Match[str]) -> str:
+        context = paths[match[1]]
+        lines = [f"<!-- options: {match[1]} -->"]
+        for title, records in option_sections(context):
+            lines += [f"| {title} | |", "|---|---|"]
+            lines += [f"| `{_cell(names)}` | {_cell(text)} |" for names, text in records]
+            lines.append("")
+        return "\n".join([*lines, "<!-- /options -->"])
+
+    return re.sub(r"(?s)<!-- options: ([a-z0-9 -]+) -->\n.*?<!-- /options -->", table, page)
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
+
+
 def _is_computed(value: object) -> bool:
     return isinstance(value, property) or type(value).__name__ == "cached_property"
 
@@ -185,6 +288,12 @@ def main() -> int:
         _API.write_text(api_markdown(), encoding="utf-8")
         for name, text in grammars().items():
             (_GRAMMARS / name).write_text(text, encoding="ascii", newline="\n")
+        for name in {*man_pages(), *(file.name for file in _MAN.glob("*.1"))}:
+            (_MAN / name).unlink(missing_ok=True)
+        _MAN.mkdir(exist_ok=True)
+        for name, text in man_pages().items():
+            (_MAN / name).write_text(text, encoding="ascii", newline="\n")
+        _CLI.write_text(cli_markdown(_CLI.read_text(encoding="utf-8")), encoding="utf-8")
         return 0
     found = differing(_RULES)
     for name in found:
@@ -198,6 +307,13 @@ def main() -> int:
         if not file.is_file() or file.read_bytes() != text.encode("ascii"):
             found.append(name)
             print(f"grammars/{name} differs from the capabilities: run python docs/generate.py")
+    manual = {file.name: file.read_text(encoding="utf-8") for file in _MAN.glob("*.1")}
+    if manual != man_pages():
+        found.append("man")
+        print("man/ differs from the help of commands: run python docs/generate.py")
+    if cli_markdown(page := _CLI.read_text(encoding="utf-8")) != page:
+        found.append(_CLI.name)
+        print("docs/cli.md differs from the help of commands: run python docs/generate.py")
     return int(bool(found))
 
 

@@ -199,10 +199,11 @@ def measured(root: Path, folders: list[Path], tests: list[Path]) -> dict[str, st
         "banned": f"{totals['banned']:,}",
         "tests": f"{tested / total:.2f}" if tested else NOTHING,
     }
-    return figures | _command_line(root)
+    return figures | command_line(root)
 
 
-def _command_line(root: Path) -> dict[str, str]:
+def command_line(root: Path) -> dict[str, str]:
+    """The figures of the command line of a checkout of this project."""
     texts = [file.read_text(encoding="utf-8") for file in python_files(root / "gpsfsm" / "cli")]
     if not texts:
         return {}

@@ -1,7 +1,7 @@
-"""Draw the pictures of docs/semantics.md with the real compiler.
+"""Draw the pictures of README.md and docs/semantics.md with the real compiler.
 
 ``python docs/pictures.py`` rewrites them in docs/pictures; with ``--check`` it compares them with
-what the compiler makes now.
+what the compiler makes now. In the picture of README.md findings of the check are marked.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from gpsfsm.compile import compile_plan
+import gpsfsm
+from gpsfsm.compile import Compiled, compile_plan
+from gpsfsm.model.automaton import NodeKind
 from gpsfsm.picture import automaton_to_svg
 from gpsfsm.syntax import parse
 
@@ -25,6 +27,8 @@ class Picture:
     name: str
     plan: str
     start_chain: bool = False
+    marked: tuple[str, ...] = ()
+    """Rules whose findings are marked."""
 
 
 def _runner(name: str) -> str:
@@ -47,6 +51,11 @@ PICTURES = (
     Picture("parallel_all", _plan(_control("parallel_all", U1, U2, U3))),
     Picture("parallel_any", _plan(_control("parallel_any", U1, U2, U3))),
     Picture("guarded", _plan(_control("parallel_all", U1, U2), _control("recovery", D1))),
+    Picture(
+        "welcome",
+        (FOLDER.parent / "examples" / "welcome.xml").read_text(encoding="utf-8"),
+        marked=("GP303", "GP402"),
+    ),
     Picture("no_start", _plan(_control("parallel_all", U1, U2, U3)), start_chain=True),
 )
 
@@ -56,7 +65,23 @@ def svg(picture: Picture) -> str:
     plan = parse(picture.plan, file=f"{picture.name}.xml").plan
     if plan is None:
         raise SystemExit(f"{picture.name}: the plan does not parse")
-    return automaton_to_svg(compile_plan(plan, start_chain=picture.start_chain).automaton)
+    compiled = compile_plan(plan, start_chain=picture.start_chain)
+    return automaton_to_svg(compiled.automaton, _marks(picture, compiled))
+
+
+def _marks(picture: Picture, compiled: Compiled) -> dict[int, str]:
+    """The rule of each finding that is to be marked, by the runner or join that it speaks of."""
+    if not picture.marked:
+        return {}
+    automaton = compiled.automaton
+    drawn = (NodeKind.RUNNER, NodeKind.JOIN)
+    nodes = {
+        automaton.plan.path(node.origin): node.index
+        for node in reversed(automaton.nodes)  # of several joins of a control, the first
+        if node.kind in drawn
+    }
+    findings = gpsfsm.check(picture.plan, select=picture.marked).findings
+    return {nodes[each.location.element]: f"{each.rule} {each.name}" for each in findings}
 
 
 def main() -> int:

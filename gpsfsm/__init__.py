@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     )
     from gpsfsm.generation.loop import Attempt, Generated
     from gpsfsm.generation.providers import Provider
-    from gpsfsm.generation.providers.dialect import Ask, ChatDialect, Way, chat_body
+    from gpsfsm.generation.providers.dialect import Ask, ChatDialect, GrammarField, chat_body
     from gpsfsm.generation.providers.http_model import http_provider
     from gpsfsm.grading.grade_tables import GradeTable
     from gpsfsm.grading.grader import Grade, Graded, Grader
@@ -141,6 +141,7 @@ __all__ = [
     "GradeTable",
     "Graded",
     "Grader",
+    "GrammarField",
     "InputError",
     "InternalError",
     "Interruption",
@@ -185,7 +186,6 @@ __all__ = [
     "UndecidedError",
     "UsageError",
     "Verdict",
-    "Way",
     "World",
     "__version__",
     "all_rules",
@@ -285,7 +285,7 @@ _HOMES = {
         "Request",
     ),
     "generation.loop": ("Attempt", "Generated"),
-    "generation.providers.dialect": ("Ask", "ChatDialect", "Way", "chat_body"),
+    "generation.providers.dialect": ("Ask", "ChatDialect", "GrammarField", "chat_body"),
     "generation.providers.http_model": ("http_provider",),
     "generation.providers": ("Provider",),
     "grading.grade_tables": ("GradeTable",),
@@ -338,7 +338,10 @@ def _later(name: str) -> Show:
     return show
 
 
-for _name in ("automaton_svg", "plan_svg", "plan_report_html", "report_html"):
+for _name in (
+    *("automaton_svg", "plan_svg", "finding_html", "plan_report_html", "report_html"),
+    *("finding_text", "plan_report_text", "report_text"),
+):
     offer(_name, _later(_name))
 
 

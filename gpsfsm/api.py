@@ -68,15 +68,18 @@ def check(
     engine: str = PAPER_ENGINE,
     progress: Progress | None = None,
 ) -> Report:
-    """Check a plan: its text, the path of a file or of a folder, or several paths.
+    """Check one or more plans and return a report.
 
-    A graph of networkx is checked as a machine (docs/machines.md).
-    A ``str`` that is empty or holds a ``<`` or a line break is a plan's text, any other is a path;
-    with ``from_response`` it is a path only if such a file exists. Bytes are text. The options are
-    those of ``gpsfsm check``. ``progress(done, total)`` is called after each plan.
+    ``text_or_path`` is the text of a plan, the path of a file or folder, a list of paths, or a
+    networkx graph, which is checked as a machine (docs/machines.md). Bytes are text. A ``str`` that
+    is empty or contains a ``<`` or a line break is the text of a plan, any other is a path; with
+    ``from_response`` it is a path only if such a file exists.
 
-    Raises UsageError (or AssumptionError, a kind of it) for options that make no sense. What is
-    wrong with a plan, or with reading or checking it, is in the report.
+    The options are those of ``gpsfsm check``. ``progress=True`` shows a progress bar on a terminal
+    or in a notebook; a function is called as ``progress(done, total)`` after each plan.
+
+    Raises UsageError (or its subclass AssumptionError) for invalid options. Problems with a plan,
+    or with reading or checking it, do not raise; they are in the report.
 
     >>> report = check('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>')
     >>> report.plans[0].facts.gives_up.value, report.ok
@@ -125,7 +128,7 @@ class CheckSettings:
         return cls(**chosen)
 
     def options(self, capabilities: Capabilities | None = None) -> CheckOptions:
-        """What the check takes. Raises UsageError for what makes no sense.
+        """The options as the check takes them. Raises UsageError for what makes no sense.
 
         ``capabilities`` are those to use, if they are there already.
         """
@@ -176,7 +179,7 @@ def check_options(
     Without ``capabilities`` the built-in library is used.
     """
     if engine not in ENGINES:
-        raise UsageError(f"there is no engine '{engine}'; known are {', '.join(ENGINES)}")
+        raise UsageError(f"there is no engine '{engine}'; the engines are {', '.join(ENGINES)}")
     return CheckOptions(
         engine=engine,
         analysis=_valid(analysis or AnalysisOptions()),
@@ -190,10 +193,12 @@ def check_options(
 def _valid(analysis: AnalysisOptions) -> AnalysisOptions:
     for fault in analysis.faults:
         if fault not in FAULTS:
-            raise UsageError(f"there is no fault model '{fault}'; known are {', '.join(FAULTS)}")
+            raise UsageError(
+                f"there is no fault model '{fault}'; the fault models are {', '.join(FAULTS)}"
+            )
     if analysis.solver not in ("auto", "z3", "structural"):
         raise UsageError(
-            f"there is no solver '{analysis.solver}'; known are auto, z3 and structural"
+            f"there is no solver '{analysis.solver}'; the solvers are auto, z3 and structural"
         )
     if not 1 <= analysis.rlimit <= MAX_RLIMIT:
         raise UsageError(f"rlimit must be from 1 to {MAX_RLIMIT}, not {analysis.rlimit}")
@@ -217,7 +222,7 @@ def _valid(analysis: AnalysisOptions) -> AnalysisOptions:
 
 
 def _is_amount(limit: object) -> bool:
-    """Whether it is a number that durations or energies can be compared with."""
+    """True for a number with which durations or energies can be compared."""
     if isinstance(limit, bool) or not isinstance(limit, int | float):
         return False
     return 0 < limit <= sys.float_info.max
@@ -257,16 +262,16 @@ def _reports(
         isinstance(text_or_path, str) and is_text(text_or_path, from_response=options.from_response)
     ):
         one = (check_text(text_or_path, "<text>", options) for _ in range(1))
-        yield from counted(one, 1, progress)
+        yield from counted(one, 1, progress, "checking")
         return
     if is_graph(text_or_path):
         one = (check_graph(text_or_path, options) for _ in range(1))
-        yield from counted(one, 1, progress)
+        yield from counted(one, 1, progress, "checking")
         return
     inputs = list(find_inputs(paths_of(text_or_path, "check", "the text of a plan")))
     options = options_for(inputs, options)
     reports = (check_input(each, options) for each in inputs)
-    yield from counted(reports, len(inputs), progress)
+    yield from counted(reports, len(inputs), progress, "checking")
 
 
 def is_graph(value: object) -> TypeGuard[nx.Graph[Any]]:

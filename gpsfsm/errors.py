@@ -21,22 +21,22 @@ DEBUG_VARIABLE = "GPSFSM_DEBUG"
 
 
 class GpsfsmError(Exception):
-    """Base of all errors that gpsfsm raises on purpose; its text is made for people."""
+    """The base class of all errors that gpsfsm raises on purpose; the messages are for people."""
 
 
 class UsageError(GpsfsmError):
-    """A call or an option that makes no sense."""
+    """An invalid call or option."""
 
 
 class ConfigError(UsageError):
-    """A configuration file that cannot be read or does not fit; names the file and the key."""
+    """A configuration file cannot be read or is invalid; the message names the file and the key."""
 
 
 class AssumptionError(UsageError):
-    """An assumption that does not parse, or that selects nothing it must select.
+    """An assumption that cannot be parsed, or that selects nothing although it must.
 
-    ``str`` shows the place in several lines. ``summary`` says in one line what is wrong with which
-    assumption, ``hint`` what to write instead ("" if nothing is to be said).
+    ``str()`` shows the place in several lines. ``summary`` says in one line what is wrong with
+    which assumption, ``hint`` what to write instead ("": no suggestion).
     """
 
     def __init__(self, text: str, *, summary: str = "", hint: str = "") -> None:
@@ -46,11 +46,11 @@ class AssumptionError(UsageError):
 
 
 class InputError(GpsfsmError):
-    """An input that cannot be read: missing, no permission, not a regular file."""
+    """An input cannot be read: it is missing, not accessible, or not a regular file."""
 
 
 class InternalError(GpsfsmError):
-    """Gpsfsm contradicts itself, so that no verdict can be trusted. Please report it."""
+    """Gpsfsm contradicts itself, so no verdict can be trusted. Please report it."""
 
 
 def misused(function: str, expected: str, value: object, hint: str = "") -> UsageError:
@@ -86,7 +86,7 @@ def require_whole(function: str, name: str, value: object, *, least: int | None 
     """Raise UsageError for what is no whole number, or a smaller one than ``least``."""
     whole = isinstance(value, int) and not isinstance(value, bool)
     if not whole or (least is not None and value < least):  # type: ignore[operator]
-        kind = "a whole number" if least is None else f"a whole number from {least} on"
+        kind = "a whole number" if least is None else f"a whole number of at least {least}"
         raise misused(function, f"{kind} as {name}", value)
 
 

@@ -139,7 +139,7 @@ class _Pipe:
     def _late(self) -> InputError:
         if self._patient:
             return InputError(f"cannot be read: this pipe did not end within {WHOLE_S:g} s")
-        return InputError(f"cannot be read: nobody wrote to this pipe within {WRITER_S:g} s")
+        return InputError(f"cannot be read: nothing was written to this pipe within {WRITER_S:g} s")
 
     def _left_s(self) -> float:
         limit_s = WHOLE_S if self._patient else WRITER_S

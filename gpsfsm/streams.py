@@ -16,6 +16,7 @@ import sys
 from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import cache
+from html import escape
 from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
@@ -30,11 +31,11 @@ if TYPE_CHECKING:
 
 
 class Form(Enum):
-    """The kind of a text, by which it is escaped.
+    """The kind of a text, which determines how it is escaped.
 
-    ``TEXT`` is for people, ``COLORED`` as well, with colours of our own. ``JSON`` stays JSON of the
-    same value. ``COMMANDS`` holds commands of our own to a server. ``DIFF`` keeps the ends of lines
-    that ``patch`` compares. ``EXACT`` is data, of which no byte may change.
+    ``TEXT`` is for people; so is ``COLORED``, which contains gpsfsm's own colours. ``JSON`` keeps
+    its value. ``COMMANDS`` contains gpsfsm's own commands to a CI server. ``DIFF`` keeps the line
+    ends that ``patch`` compares. ``EXACT`` is data that must not change by a byte.
     """
 
     TEXT = "text"
@@ -170,7 +171,28 @@ def emit(text: str | bytes, form: Form = Form.TEXT, *, flush: bool = True) -> No
         stream.buffer.flush()
 
 
+_SINKS: list[Callable[[str], object]] = []
+
+
+@contextmanager
+def captured_stderr(sink: Callable[[str], object]) -> Iterator[None]:
+    """Hand what would go to standard error to ``sink``: a log that has a format of its own."""
+    _SINKS.append(sink)
+    try:
+        yield
+    finally:
+        _SINKS.remove(sink)
+
+
 def to_stderr(text: str, form: Form = Form.TEXT) -> None:
+    """Write to standard error, or to the log that has taken its place."""
+    if _SINKS:
+        _SINKS[-1](text)
+    else:
+        write_stderr(text, form)
+
+
+def write_stderr(text: str, form: Form = Form.TEXT) -> None:
     """Write to standard error. Where nobody reads it, that is fine; a full device is a loss."""
     if not is_open(Stream.ERR):
         return
@@ -248,12 +270,12 @@ def _refuse_commands(text: str | bytes) -> None:
     if not any(map(os.environ.get, _SERVERS)) or _is_file():
         return
     content = text if isinstance(text, str) else text.decode("utf-8", "replace")
-    found = [place for each in (_START, _ANYWHERE) if (place := each.search(content))]
-    if found:
-        line = content.count("\n", 0, min(place.end() for place in found)) + 1
+    places = [place for each in (_START, _ANYWHERE) if (place := each.search(content))]
+    if places:
+        line = content.count("\n", 0, min(place.end() for place in places)) + 1
         raise GpsfsmError(
-            f"line {line} of this text would be a command to the server in whose log it may "
-            "appear; write the text to a file, with --output-file or >"
+            f"line {line} of this text would be a command to a CI server in whose log it may "
+            "appear; write the text to a file, with --output or >"
         )
 
 
@@ -333,7 +355,7 @@ def check_writable(output_file: str, inputs: Iterable[str]) -> None:
         return
     target = os.path.realpath(output_file)
     if any(os.path.realpath(path) == target for path in inputs):
-        raise UsageError(f"--output-file {output_file} would overwrite a plan")
+        raise UsageError(f"--output {output_file} would overwrite a plan")
     with _explained(output_file):
         if Path(target).is_dir():
             raise IsADirectoryError(0, "it is a folder")
@@ -393,52 +415,84 @@ def _mode(target: Path) -> int | None:
 
 _Result = TypeVar("_Result")
 
-Progress: TypeAlias = "Callable[[int, int | None], object]"
-"""Is told how many items are done, after each, and how many there are in all (None: unknown)."""
+Tick: TypeAlias = "Callable[[int, int | None], object]"
+"""Takes how many items are done, after each, and how many there are in all (None: unknown)."""
+
+Progress: TypeAlias = "Tick | bool"
+"""``True`` shows a bar, on a terminal or in a notebook; a ``Tick`` is called instead."""
 
 
 def counted(
-    results: Iterable[_Result], total: int | None, progress: Progress | None
+    results: Iterable[_Result], total: int | None, progress: Progress | None, what: str = "items"
 ) -> Iterator[_Result]:
-    """The results, of which ``progress`` is told. Raises UsageError if it cannot be called.
+    """The results; ``progress`` counts them. Raises UsageError if it makes no sense.
 
     >>> list(counted("ab", 2, lambda done, total: print(f"{done} of {total}")))
     1 of 2
     2 of 2
     ['a', 'b']
     """
+    with ticking(progress, what, total) as tick:
+        for done, result in enumerate(results, start=1):
+            tick(done, total)
+            yield result
+
+
+@contextmanager
+def ticking(progress: Progress | None, what: str, total: int | None) -> Iterator[Tick]:
+    """A function to call after each item, for all that ``progress`` may be.
+
+    Raises UsageError for what cannot be called.
+    """
     refuse_progress(progress)
-    for done, result in enumerate(results, start=1):
-        if progress is not None:
-            progress(done, total)
-        yield result
+    if progress is True:
+        with progress_bar(what, total) as tick:
+            yield tick
+        return
+    yield progress if callable(progress) else _no_tick
+
+
+def _no_tick(_done: int, _total: int | None) -> None:
+    """Count nothing."""
 
 
 def refuse_progress(progress: object) -> None:
-    """Raise UsageError for a callback that cannot be called."""
-    if progress is not None and not callable(progress):
+    """Raise UsageError for a progress that is neither a choice nor can be called."""
+    if progress is not None and not isinstance(progress, bool) and not callable(progress):
         raise misused(
-            "progress", "a function of two numbers, how many are done and of how many", progress
+            "progress",
+            "True, or a function of two numbers: how many items are done, and of how many",
+            progress,
         )
 
 
 _EVERY = 10
+_SOON_S = 3.0
+_REDRAWN_S = 0.2
 MANY = 21
 """So many inputs take long enough for a progress bar."""
 
 
 @contextmanager
-def progress_bar(
-    what: str, total: int | None, *, at_least: int = 0
-) -> Iterator[Callable[[int, int | None], None]]:
-    """Show how many of ``total`` are done, when the function that it gives is told: a ``Progress``.
+def progress_bar(what: str, total: int | None, *, at_least: int = 0) -> Iterator[Tick]:
+    """A bar that shows how many of ``total`` are done, as long as somebody looks.
 
-    ``total`` None: as many as the time allows. With a total of fewer than ``at_least`` none is
-    shown.
+    In a notebook it is an element of the page, which stays; on a terminal it is drawn on standard
+    error and goes. Elsewhere there is none. A total below ``at_least`` has one on a terminal only,
+    after ``_SOON_S`` seconds. ``total`` None: as many as the time allows.
     """
-    if not _is_terminal() or (total is not None and total < at_least):
-        yield lambda _done, _total: None
-        return
+    few = total is not None and total < at_least
+    if _in_notebook():
+        yield _no_tick if few else _notebook_bar(what, total)
+    elif _is_terminal():
+        with (_late_bar if few else _terminal_bar)(what, total) as tick:
+            yield tick
+    else:
+        yield _no_tick
+
+
+@contextmanager
+def _terminal_bar(what: str, total: int | None) -> Iterator[Tick]:
     from rich import progress as bars
     from rich.console import Console
 
@@ -448,16 +502,84 @@ def progress_bar(
         *columns, bars.TimeElapsedColumn(), console=console, transient=True
     ) as progress:
         task = progress.add_task(what, total=total)
+        every = 1 if total is not None and total < MANY else _EVERY
 
-        def tell(done: int, of: int | None) -> None:
-            if done % _EVERY == 0 or done == of:
+        def tick(done: int, of: int | None) -> None:
+            if done % every == 0 or done == of:
                 progress.update(task, completed=done, total=of or total)
 
-        yield tell
+        yield tick
+
+
+@contextmanager
+def _late_bar(what: str, total: int | None) -> Iterator[Tick]:
+    """A bar on the terminal that begins when it has taken a while."""
+    import threading
+
+    over = threading.Event()
+    state: tuple[int, int | None] = (0, total)
+
+    def draw() -> None:
+        if not over.wait(_SOON_S):
+            with _terminal_bar(what, total) as tick:
+                while not over.wait(_REDRAWN_S):
+                    tick(*state)
+
+    def note(done: int, of: int | None) -> None:
+        nonlocal state
+        state = done, of
+
+    thread = threading.Thread(target=draw, daemon=True)
+    thread.start()
+    try:
+        yield note
+    finally:
+        over.set()
+        thread.join()
 
 
 def _is_terminal() -> bool:
     return is_terminal(Stream.ERR) and os.environ.get("TERM") != "dumb"
+
+
+def _in_notebook() -> bool:
+    """True if a kernel runs this for a page; IPython on a terminal has none."""
+    ipython = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    return getattr(shell, "kernel", None) is not None
+
+
+def _notebook_bar(what: str, total: int | None) -> Tick:
+    """An element ``progress`` of HTML: every page that shows notebooks draws it, without widgets.
+
+    A message is sent for each percent, so that a million items do not send a million.
+    """
+    from IPython.display import display
+
+    handle = display(_Bar(what, 0, total), display_id=True)
+
+    def tick(done: int, of: int | None) -> None:
+        whole = of or total
+        step = _EVERY if whole is None else max(1, whole // 100)
+        if handle is not None and (done % step == 0 or done == whole):
+            handle.update(_Bar(what, done, whole))
+
+    return tick
+
+
+class _Bar:
+    """The state of a bar, as a notebook shows it."""
+
+    def __init__(self, what: str, done: int, total: int | None) -> None:
+        self._what, self._done, self._total = what, done, total
+
+    def __repr__(self) -> str:
+        """The text for where nothing is drawn."""
+        return f"{self._what}: {self._done:,}" + (f" of {self._total:,}" if self._total else "")
+
+    def _repr_html_(self) -> str:
+        amount = f' value="{self._done}" max="{self._total}"' if self._total else ""
+        return f"<div><progress{amount}></progress> {escape(repr(self))}</div>"
 
 
 def append_text(text: str, file: str) -> None:

@@ -21,9 +21,29 @@ def strict_loads(text: str | bytes) -> Any:
 
     >>> strict_loads('{"a": [{"b": 1, "b": 2}]}')
     Traceback (most recent call last):
-    gpsfsm.strict_json.DuplicateKeyError: the key 'b' is there twice
+    gpsfsm.strict_json.DuplicateKeyError: the key 'b' occurs twice
     """
     return json.loads(text, object_pairs_hook=_object)
+
+
+def json_defect(file: str, error: Exception) -> str:
+    """The message about a file that is not JSON, with line and column where they are known.
+
+    ``error`` is what ``strict_loads`` raised.
+
+    >>> try:
+    ...     strict_loads("hello")
+    ... except ValueError as error:
+    ...     print(json_defect("a.json", error))
+    a.json:1:1: is not JSON: Expecting value
+    """
+    if isinstance(error, json.JSONDecodeError):
+        return f"{file}:{error.lineno}:{error.colno}: is not JSON: {error.msg}"
+    if isinstance(error, UnicodeDecodeError):
+        return f"{file}: is not UTF-8 text (byte {error.start + 1})"
+    if isinstance(error, RecursionError):
+        return f"{file}: is not JSON that can be read: it is nested too deeply"
+    return f"{file}: is not JSON: {error}"[:500]
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -32,4 +52,4 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         return made
     seen: set[str] = set()
     twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-    raise DuplicateKeyError(f"the key {twice[:_LONGEST]!a} is there twice")
+    raise DuplicateKeyError(f"the key {twice[:_LONGEST]!a} occurs twice")

@@ -52,11 +52,14 @@ __all__ = [
 def grammars_for(
     capabilities: Capabilities, *, depth: int = DEPTH, only: Sequence[str] | None = None
 ) -> tuple[tuple[Constraint, str], ...]:
-    """A grammar in each language that servers take, for plans over these capabilities.
+    """Return one grammar for each format that servers accept.
 
-    Runners stand at most ``depth`` levels below the plan. ``only`` are names of interfaces or
-    patterns such as ``nav2_capabilities/*``; None: all. Raises UsageError for a pattern that
-    matches nothing, a depth out of range, and if no runner is left.
+    The grammars admit plans over these capabilities. Runners are at most ``depth`` levels below the
+    plan. ``only`` lists names or patterns of interfaces, such as ``nav2_capabilities/*``; None
+    means all.
+
+    Raises UsageError if a pattern matches nothing, if the depth is out of range, or if no runner is
+    left.
 
     >>> from gpsfsm.capabilities.library import builtin_capabilities
     >>> grammars = dict(grammars_for(builtin_capabilities(), only=["WaitRunner"]))

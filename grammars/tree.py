@@ -34,13 +34,13 @@ _MAX_SHOWN = 60
 
 
 class TreeError(GpsfsmError):
-    """A text that is no tree of a plan; says where, what is wrong and what would be right."""
+    """A text is not the tree of a plan; the message says where, what is wrong and what to write."""
 
 
 def rendered(json_text: str) -> str:
-    r"""The plan that a tree in JSON stands for, one element per line.
+    r"""Convert a plan from a JSON tree to XML, with one element per line.
 
-    Raises TreeError.
+    Raises TreeError if the text is not the tree of a plan.
 
     >>> step = '{"interface": "generic_capabilities/WaitRunner", "parameters": {"seconds": 2.5}}'
     >>> print(rendered('{"plan": [' + step + ']}'))
@@ -181,7 +181,9 @@ def _only(written: Iterable[str], allowed: tuple[str, ...], place: str) -> None:
     for key in written:
         if key not in allowed:
             names = ", ".join(f"'{name}'" for name in allowed)
-            raise TreeError(f"{place}: the key {_quoted(key)} is unknown; known here: {names}")
+            raise TreeError(
+                f"{place}: the key {_quoted(key)} is unknown; the keys here are {names}"
+            )
 
 
 def _wrong(place: str, value: Any, wanted: str) -> TreeError:

@@ -12,11 +12,13 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.cases import many
+
 # The same cases every time: whoever runs the suite gets the answer that everybody gets.
 settings.register_profile(
     "fixed",
     deadline=None,
-    max_examples=50,
+    max_examples=many(50),
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow],
 )

@@ -100,9 +100,10 @@ class Forked(subprocess.Popen[bytes]):
         return int(struct.unpack("!i", _exactly(self._line, 4))[0])
 
     def _internal_poll(self, *_: object, **__: object) -> int | None:
-        if self.returncode is None and select.select([self._line], [], [], 0)[0]:
-            self.returncode = self._told()
-            self._line.close()
+        with self._waitpid_lock:  # type: ignore[attr-defined]  # several threads may ask at once
+            if self.returncode is None and select.select([self._line], [], [], 0)[0]:
+                self.returncode = self._told()
+                self._line.close()
         return self.returncode
 
     def _wait(self, timeout: float | None) -> int:

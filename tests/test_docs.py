@@ -45,15 +45,21 @@ def documents() -> list[Path]:
     return [file for file in found if file.exists()]
 
 
+def page_name(file: Path) -> str:
+    return file.relative_to(REPO).as_posix()
+
+
 WITH_COMMANDS = [
     file
-    for file in (REPO / "README.md", *sorted(REPO.glob("docs/*.md")))
+    for file in (REPO / "README.md", *sorted(REPO.glob("docs/**/*.md")))
     if f"{FENCE}console\n" in file.read_text(encoding="utf-8")
 ]
 
 
 @pytest.mark.commands
-@pytest.mark.parametrize("document", WITH_COMMANDS, ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "document", WITH_COMMANDS, ids=lambda file: file.relative_to(REPO).as_posix()
+)
 def test_commands_print_what_the_documentation_shows(document: Path, tmp_path: Path) -> None:
     """A test for each page: ``make docs-check`` runs them, on all cores."""
     write_program(tmp_path)
@@ -230,6 +236,12 @@ def test_links_lead_to_files_and_headings() -> None:
             if not target.exists() or (heading and heading not in _headings(target)):
                 broken.append(f"{file.relative_to(REPO)}: {link}")
     assert not broken
+
+
+def test_pages_have_no_characters_that_nobody_sees() -> None:
+    hidden = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\ufeff\u200b\u2060\u202a-\u202e\u2066-\u2069]")
+    texts = {page_name(file): file.read_bytes().decode() for file in documents()}
+    assert [name for name, text in texts.items() if hidden.search(text)] == []
 
 
 @pytest.mark.parametrize("script", ["pictures.py", "engines.py"])

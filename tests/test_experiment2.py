@@ -43,7 +43,7 @@ def test_a_goal_that_fails_and_that_nothing_handles(
     """All three robots hung: the first goal was aborted, and no connection led on from there."""
     finding = only(findings(name), "GP302", goal)
     assert finding.severity is Severity.INFO  # by the paper that is a give-up
-    assert finding.message.endswith("it takes 1 failure")
+    assert finding.message.endswith("1 failure is enough")
     assert finding.scenario is not None
     assert finding.scenario.ends is gpsfsm.End.GAVE_UP
     assert [outcome.value for _, outcome in finding.scenario.outcomes] == ["FAILED"]
@@ -70,7 +70,7 @@ def test_a_summary_that_gets_nothing_to_summarise(
 ) -> None:
     finding = only(findings(name), "GP401", line)
     assert finding.severity is Severity.ERROR
-    assert finding.message.endswith(f"no value gets past the end of {where}")
+    assert finding.message.endswith(f"no value passes the end of {where}")
 
 
 def test_the_good_run_is_rejected_for_its_one_flaw_only(findings: Findings) -> None:
@@ -87,7 +87,7 @@ def test_a_name_that_never_gets_to_the_speech(findings: Findings) -> None:
     finding = only(findings("it2_plan_6"), "GP402", 9)
     assert finding.severity is Severity.ERROR
     assert "${prompt_capabilities/PromptSpeechRunner.text}" in finding.message
-    assert "at line 7 gives as 'text' never gets here" in finding.message
+    assert "at line 7 does not reach this step" in finding.message
     assert "here WaypointRunner" in finding.message
     assert only(findings("it2_plan_6"), "GP403", 6).severity is Severity.WARNING
 
@@ -108,7 +108,7 @@ def test_a_decision_that_is_left_to_a_prompt_that_is_never_sent(findings: Findin
     found = findings("it2_plan_7a")
     prompt = only(found, "GP414", 6)
     assert prompt.severity is Severity.ERROR
-    assert "only puts its prompt into a buffer, the model is not asked" in prompt.message
+    assert "only buffers its prompt and does not ask the model" in prompt.message
     assert [place.location.line for place in prompt.related] == [8]
     context = only(found, "GP411", 5)
     assert context.message.endswith("nothing flushes the buffer 'task_person_check'")

@@ -58,7 +58,7 @@ class TestMemory:
         assert done.returncode == 2, done.stderr
         assert b"GP904 inconclusive" in done.stdout
         if megabytes < 200:  # above, the steps may have run out before the memory
-            assert b"the memory has run out before it was decided" in done.stdout
+            assert b"memory ran out before the plan was decided" in done.stdout
             assert b"hint: allow more memory" in done.stdout
         assert b"defect" not in done.stdout + done.stderr
 
@@ -81,7 +81,7 @@ class TestMemory:
             check=False,
         )
         assert done.returncode == 2, done.stderr
-        assert b"the memory has run out before it was decided" in done.stdout
+        assert b"memory ran out before the plan was decided" in done.stdout
 
     def test_errors_that_say_so(self) -> None:
         class Z3Exception(Exception):  # noqa: N818
@@ -120,7 +120,7 @@ class TestTime:
         done = run(*words, "--time-limit", "3", cwd=tmp_path)
         assert time.monotonic() - began < 50
         assert done.returncode == 2
-        assert b"a.xml: error GP904 inconclusive: it is undecided after 3 s" in done.stdout
+        assert b"a.xml: error GP904 inconclusive: the plan is undecided after 3 s" in done.stdout
         assert b"hint: allow more time" in done.stdout
         assert b"b.xml: accepted" in done.stdout
 
@@ -148,7 +148,7 @@ class TestTime:
     @pytest.mark.parametrize(
         ("words", "told"),
         [
-            (("--fix",), b"--time-limit goes without --fix"),
+            (("--fix",), b"--time-limit cannot be used with --fix"),
             (("--jobs", "ray"), b"there is no time limit with --jobs ray"),
         ],
     )
@@ -182,7 +182,7 @@ class TestPipes:
         return thread
 
     def test_nobody_writes(self) -> None:
-        with pytest.raises(InputError, match="nobody wrote to this pipe within"):
+        with pytest.raises(InputError, match="nothing was written to this pipe within"):
             files.read("pipe", 100)
 
     def test_somebody_does_not_end(self) -> None:
@@ -194,7 +194,7 @@ class TestPipes:
         """It has been opened, and stays so: that alone does not make anybody wait for long."""
         self.writer(60.0)
         began = time.monotonic()
-        with pytest.raises(InputError, match=r"nobody wrote to this pipe within 0\.5 s"):
+        with pytest.raises(InputError, match=r"nothing was written to this pipe within 0\.5 s"):
             files.read("pipe", 100)
         assert time.monotonic() - began < 50
 

@@ -107,19 +107,24 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
     ],
     "view": [
         (gpsfsm.view, 3, {}, "view takes the text of a plan, a path, or a list of paths, not 3"),
-        (gpsfsm.view, GO, {"diff": True}, "diff compares two plans, and here are 1"),
+        (gpsfsm.view, GO, {"diff": True}, "diff compares two plans, not 1"),
         (gpsfsm.view, GO, {"task": 3}, "a task is the path of a task file"),
     ],
     "port": [
         (gpsfsm.port, None, {"engine": "fabric-v2"}, f"port {NO_TEXT}None"),
-        (gpsfsm.port, GO, {"engine": "x"}, "plans are not ported to 'x', but to fabric-v1 or"),
+        (
+            gpsfsm.port,
+            GO,
+            {"engine": "x"},
+            "plans cannot be ported to 'x'; the targets are fabric-v1, fabric-v2",
+        ),
         (gpsfsm.port, GO, {"engine": "fabric-v2", "unsafe": "x"}, "True or False as unsafe"),
     ],
     "grade": [
         (gpsfsm.grade, None, {"task": TASK}, "grade takes the answer of a model, a path, or a"),
         (gpsfsm.grade, GO, {"task": 3}, "a task is the path of a task file"),
         (gpsfsm.grade, GO, {"task": TASK, "by": "x"}, "there is no column 'x'"),
-        (gpsfsm.grade, GO, {"task": TASK, "progress": 3}, "progress takes a function of two"),
+        (gpsfsm.grade, GO, {"task": TASK, "progress": 3}, "progress takes True, or a function of"),
     ],
     "generate": [
         (generate, 3, {"model": "ollama:x"}, "generate takes a task in words, not 3"),
@@ -137,21 +142,21 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
     "fuzz": [
         (fuzz, None, {}, f"fuzz {NO_TEXT}None"),
         (fuzz, "<Plan/>", {}, "the plan has no runner"),
-        (fuzz, GO, {"runs": 0}, "fuzz takes a whole number from 1 on as runs, not 0"),
+        (fuzz, GO, {"runs": 0}, "fuzz takes a whole number of at least 1 as runs, not 0"),
         (fuzz, GO, {"seed": "x"}, "fuzz takes a whole number as seed, not 'x'"),
         (fuzz, GO, {"time_s": "x"}, "a number from 0 on as time_s, not 'x'"),
         (fuzz, GO, {"limit_s": "x"}, "a number from 0 on as limit_s, not 'x'"),
         (fuzz, GO, {"faults": "late"}, "a list as faults, not 'late'"),
         (fuzz, GO, {"properties": "x"}, "a list as properties, not 'x'"),
         (fuzz, GO, {"properties": [3]}, "a property is its name or a function of a run, not 3"),
-        (fuzz, GO, {"progress": 3}, "progress takes a function of two numbers"),
+        (fuzz, GO, {"progress": 3}, "progress takes True, or a function of"),
     ],
     "resume": [
         *((gpsfsm.resume, wrong, {}, "resume takes the path of a journal") for wrong in (None, 3)),
     ],
     "replay": [
         *((gpsfsm.replay, wrong, {}, "replay takes the path of a journal") for wrong in (None, 3)),
-        (gpsfsm.replay, "x.db", {"run": 0}, "a whole number from 1 on as run, not 0"),
+        (gpsfsm.replay, "x.db", {"run": 0}, "a whole number of at least 1 as run, not 0"),
     ],
     "run": [  # tests/running/test_run.py has more
         (run, 3, {}, "plan takes the text of a plan, a path, or a list of them, not 3"),
@@ -182,7 +187,7 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
         (gpsfsm.write_receipt, ["x"], {}, "takes verdicts of gpsfsm.gate, not 'x'"),
     ],
     "schema_path": [(gpsfsm.schema_path, None, {}, "there is no schema 'None'")],
-    "engine_of": [(gpsfsm.engine_of, None, {"items": 3}, "there are no jobs 'None'")],
+    "engine_of": [(gpsfsm.engine_of, None, {"items": 3}, "'None' is not a value of --jobs")],
     "gate_text": [
         *(
             (gpsfsm.gate_text, wrong, {"name": "x"}, "takes the text of a plan, not ")
@@ -192,7 +197,7 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
         (gpsfsm.Gate, 3, {}, "Gate takes gpsfsm.GateOptions as options, not 3"),
     ],
     "Rewards": [
-        (lambda value: gpsfsm.Rewards(jobs=value), "x", {}, "a whole number from 0 on as jobs"),
+        (lambda value: gpsfsm.Rewards(jobs=value), "x", {}, "a whole number of at least 0 as jobs"),
         (lambda value: gpsfsm.Rewards(timeout_s=value), "x", {}, "a number from 0 on as timeout_s"),
         (lambda value: gpsfsm.Rewards(scale=value), 3, {}, "a gpsfsm.Scale as scale, not 3"),
     ],

@@ -66,10 +66,6 @@ def test_the_public_names() -> None:
         _ = gpsfsm.nothing
 
 
-def test_the_version_is_stated_once() -> None:
-    assert gpsfsm.__version__ == PYPROJECT["project"]["version"]
-
-
 @pytest.mark.parametrize("folder", ["analysis", "grammars", "runners"])
 def test_the_folders_cannot_be_imported_by_their_own_name(folder: str) -> None:
     done = subprocess.run(

@@ -32,6 +32,7 @@ from gpsfsm.strategies import (
     worlds,
 )
 from gpsfsm.syntax import parse
+from tests.cases import many
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -91,7 +92,7 @@ def test_every_runner_of_the_library_is_drawn() -> None:
     names = {one.name for one in builtin_capabilities().library.providers if not one.deprecated}
     drawn: set[str] = set()
 
-    @settings(max_examples=200, database=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=many(200), database=None, suppress_health_check=list(HealthCheck))
     @given(runners())
     def collect(text: str) -> None:
         drawn.add(text.partition('provider="')[2].partition('"')[0])
@@ -187,7 +188,7 @@ def rules_of(answer: Answer) -> set[str]:
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-@settings(max_examples=15, suppress_health_check=list(HealthCheck))
+@settings(max_examples=many(15), suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_a_defect_is_what_it_is_called(name: str, data: st.DataObject) -> None:
     answer = data.draw(with_defect(name))
@@ -196,7 +197,7 @@ def test_a_defect_is_what_it_is_called(name: str, data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("name", HARMLESS)
-@settings(max_examples=15, suppress_health_check=list(HealthCheck))
+@settings(max_examples=many(15), suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_what_is_around_a_plan_leaves_it_as_it_is(name: str, data: st.DataObject) -> None:
     answer = data.draw(with_defect(name))
@@ -234,7 +235,9 @@ def test_answers_shrink_to_a_plan() -> None:
 
 
 def test_an_unknown_defect_is_refused() -> None:
-    with pytest.raises(ValueError, match="there is no defect 'typo'; there are plan-attributes"):
+    with pytest.raises(
+        ValueError, match="there is no defect 'typo'; the defects are plan-attributes"
+    ):
         answers(defects=("typo",))
 
 

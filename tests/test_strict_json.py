@@ -66,7 +66,7 @@ def test_a_receipt_that_says_two_things() -> None:
     )
     forged = forged.replace('"reason": "findings"', '"reason": "findings", "reason": "passed"')
     assert forged != receipt
-    with pytest.raises(ConfigError, match="'verdict' is there twice"):
+    with pytest.raises(ConfigError, match="'verdict' occurs twice"):
         read_receipt(forged.encode(), "receipt")
 
 
@@ -82,12 +82,12 @@ def test_a_worker_that_says_two_things() -> None:
 def test_files_that_say_two_things(tmp_path: Path) -> None:
     file = tmp_path / "file.json"
     file.write_text('{"version": 1, "plans": [], "plans": []}', encoding="utf-8")
-    with pytest.raises(InputError, match="'plans' is there twice"):
+    with pytest.raises(InputError, match="'plans' occurs twice"):
         load_baseline(file)
-    with pytest.raises(InputError, match="'plans' is there twice"):
+    with pytest.raises(InputError, match="'plans' occurs twice"):
         read_scenario(str(file), "plan.xml")
-    with pytest.raises(InputError, match="'plans' is there twice"):
+    with pytest.raises(InputError, match="'plans' occurs twice"):
         read_case(str(file))
     (tmp_path / "responses.jsonl").write_text('{"model": "a", "model": "b"}\n', encoding="utf-8")
-    with pytest.raises(GpsfsmError, match="'model' is there twice"):
+    with pytest.raises(GpsfsmError, match="'model' occurs twice"):
         list(recorded_times(str(tmp_path)))

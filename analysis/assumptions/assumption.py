@@ -156,7 +156,7 @@ class Instances:
         numbers = self._covering(selector.line)
         if not numbers:
             hint = self._near(selector.line)
-            raise Mistake(selector.at, f"line {selector.line} holds no runner", hint=hint)
+            raise Mistake(selector.at, f"line {selector.line} contains no runner", hint=hint)
         if selector.column is None:
             return numbers
         there = [self.plan.runners[number] for number in numbers]
@@ -191,12 +191,12 @@ class Instances:
         """A hint instead of a line that holds no runner."""
         for element in self.plan.elements:
             if element.line == line and element.kind is not Kind.RUNNER and not element.file:
-                return f"to speak of the runners inside, write {self.plan.path(element)}"
+                return f"to select the runners inside, write {self.plan.path(element)}"
         lines = {runner.line for runner in self.plan.runners if not runner.file}
         near = sorted(lines, key=lambda other: (abs(other - line), other))
         if not near:
             return "the plan has no runner; select by interface, which may match nothing"
-        return f"name a line that holds a runner, nearest first: {listed(map(str, near))}"
+        return f"name a line that contains a runner, nearest first: {listed(map(str, near))}"
 
     def _walk(self, selector: PathSelector) -> Element:
         current = self.plan.elements[0]
@@ -207,7 +207,7 @@ class Instances:
                 here = self.plan.path(current)
                 inside = listed(f"{kind}[{number}]" for kind, number in steps) or "nothing"
                 wrong = f"there is no {here}/{tag}[{ordinal}]"
-                raise Mistake(selector.at, wrong, hint=f"{here} holds {inside}")
+                raise Mistake(selector.at, wrong, hint=f"{here} contains {inside}")
             current = steps[tag, ordinal]
         return current
 
@@ -230,7 +230,7 @@ class Instances:
 
     def _empty(self, selector: PathSelector) -> Sequence[int]:
         wrong = f"there is no runner inside {short(selector)}"
-        raise Mistake(selector.at, wrong, hint="name a runner, or a control that holds one")
+        raise Mistake(selector.at, wrong, hint="name a runner, or a control that contains one")
 
     def _of_interface(self, selector: InterfaceSelector) -> Sequence[int]:
         fits = _interface_test(selector)
@@ -325,7 +325,7 @@ class _Binder:
         chosen = self._chosen(claim.selectors)
         self._atoms += len(chosen)
         if self._atoms > _MAX_ATOMS:
-            wrong = f"the assumption speaks of more than {_MAX_ATOMS} runner instances"
+            wrong = f"the assumption refers to more than {_MAX_ATOMS} runner instances"
             hint = "select fewer, or say less in one assumption"
             raise Mistake(claim.selectors[0].at, wrong, hint=hint)
         if claim.verb.word == "agree":

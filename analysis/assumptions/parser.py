@@ -236,7 +236,7 @@ class _Builder:
         quantifier, chosen, (ever, verb) = parts
         selectors = chosen if isinstance(chosen, tuple) else (chosen,)
         if verb.word == "agree" and quantifier.word != "all":
-            wrong = f"'agree' is said of all instances, not of '{quantifier}'"
+            wrong = f"'agree' applies to all instances, not to '{quantifier}'"
             raise Mistake(selectors[0].at, wrong)
         return Claim(quantifier, selectors, _ever(ever, verb))
 
@@ -273,7 +273,7 @@ class _Builder:
     def path(self, parts: list[Token]) -> Selector:
         steps = parts[0].removeprefix("/Plan")
         if not parts[0].startswith("/Plan") or _STEP.sub("", steps):
-            wrong = "an element path is written like /Plan/Control[1]/Runner[2], counting from 1"
+            wrong = "an element path looks like /Plan/Control[1]/Runner[2], counting from 1"
             raise Mistake(_at(parts[0]), wrong)
         path_steps = tuple((tag, int(ordinal)) for tag, ordinal in _STEP.findall(steps))
         return PathSelector(path_steps, _at(parts[0]))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 from gpsfsm.analysis.decisions.completion import frequency
-from gpsfsm.analysis.machines.search import bits
-from gpsfsm.compile.instants import CODES, COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED
+from gpsfsm.compile.instants import CODES, COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED, bits
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.choice import OWN
 from gpsfsm.model.event import Event
@@ -91,21 +91,21 @@ class Judge:
         self.exploration = exploration
         self.automaton = exploration.automaton
         self.count = exploration.reached
-        tree = self.automaton.plan.vocabulary is Vocabulary.TREE
+        self.tree = tree = self.automaton.plan.vocabulary is Vocabulary.TREE
         runners = self.automaton.plan.runners
         # A choice of a tree is nothing that anybody does: it neither fails nor leads nowhere.
         self.uncounted = frozenset(
             number for number, each in enumerate(runners) if tree and each.interface in OWN
         )
         self.stops_lead_on = not tree  # what a tree halts is no way to go on
-        self.going = exploration.going()
-        self.lingering = exploration.endless(self.going)
-        self.stills = [at for at in range(self.count) if not exploration.configurations[at].active]
+        self.components = exploration.components(exploration.going())
+        self.lingering = [each for each in self.components if exploration.just(each)]
+        self._spared_from: dict[tuple[int, int], bool] = {}
 
     def facts(self) -> Answers:
         """All facts."""
         ends = self._ends()
-        endless, fair = bool(self.lingering), self.exploration.fair(self.going)
+        endless, fair = bool(self.lingering), self.exploration.fair(self.lingering)
         ended = {end: bool(numbers) for end, numbers in ends.items()}
         others = {
             end: any(possible for other, possible in ended.items() if other != end) for end in ended
@@ -127,8 +127,9 @@ class Judge:
             unreachable=tuple(each for each in range(runners) if not triggered >> each & 1),
             loops=self._loops(),
             dangling=tuple(self._dangling(triggered)),
-            waiting=tuple(self._waiting()),
-            orphans=self._orphans(),
+            # What has ended in a tree waits for nobody and leaves nothing running.
+            waiting=() if self.tree else tuple(self._waiting()),
+            orphans=() if self.tree else self._orphans(),
             fewest_failures=fewest,
             with_fewest=with_fewest,
             shown={
@@ -157,10 +158,12 @@ class Judge:
 
     def _loops(self) -> tuple[Loop, ...]:
         """The components in which runs can stay: traps first, one per set of runners in a loop."""
+        if not self.lingering:
+            return ()
         leaving = self.exploration.leading_to(
             at
-            for at in range(self.count)
-            if self.exploration.configurations[at].ended != GOING or at in set(self.stills)
+            for at, each in enumerate(self.exploration.configurations[: self.count])
+            if each.ended != GOING or not each.active
         )
         loops: dict[tuple[bool, frozenset[int]], Loop] = {}
         for component in self.lingering:
@@ -195,26 +198,42 @@ class Judge:
 
     def _costs(self, number: int, event: int) -> tuple[Run | None, Run | None]:
         """Runs that end with this event by giving up, or stuck, and need not with the other one."""
-        exploration = self.exploration
         costs: list[Run | None] = [None, None]
-        for at in range(self.count):
-            for step in exploration.steps[at]:
-                if (step.number, step.outcome) != (number, event):
-                    continue
-                after = exploration.configurations[step.target]
-                if exploration.configurations[at].ended != GOING:
-                    continue
-                for place, ends in enumerate(
-                    (after.ended == GAVE_UP, after.ended == GOING and not after.active)
-                ):
-                    if ends and costs[place] is None and self._spared(at, number, event, place):
-                        costs[place] = (*exploration.path(at), (number, event))
+        for at, place in self._endings.get((number, event), ()):
+            if costs[place] is None and self._spared(at, number, event, place):
+                costs[place] = (*self.exploration.path(at), (number, event))
         return costs[0], costs[1]
+
+    @cached_property
+    def _endings(self) -> dict[tuple[int, int], list[tuple[int, int]]]:
+        """By runner and outcome: from where they end the run, and how (0: gives up, 1: stuck)."""
+        exploration = self.exploration
+        places = {
+            at: 0 if each.ended == GAVE_UP else 1
+            for at, each in enumerate(exploration.configurations[: self.count])
+            if each.ended == GAVE_UP or (each.ended == GOING and not each.active)
+        }
+        endings: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        for at, steps in enumerate(exploration.steps[: self.count] if places else ()):
+            if exploration.configurations[at].ended != GOING:
+                continue
+            for step in steps:
+                if step.target in places:
+                    key = step.number, step.outcome
+                    endings.setdefault(key, []).append((at, places[step.target]))
+        return endings
 
     def _spared(self, before: int, number: int, event: int, place: int) -> bool:
         """True if with the other outcome some maximal run does not give up, or is not stuck."""
+        other = SUCCEEDED if event == FAILED else FAILED
+        start = self.exploration.instead(before, number, other)
+        if (start, place) not in self._spared_from:
+            self._spared_from[start, place] = self._leads_elsewhere(start, place)
+        return self._spared_from[start, place]
+
+    def _leads_elsewhere(self, start: int, place: int) -> bool:
+        """True if some maximal run from a configuration does not give up, or is not stuck."""
         exploration = self.exploration
-        start = exploration.instead(before, number, SUCCEEDED if event == FAILED else FAILED)
         pending, seen = [start], {start}
         reachable: Steps = {}
         while pending:
@@ -281,21 +300,27 @@ class Judge:
         """The runners active after the instant of completion, each with a shortest run up to it."""
         exploration = self.exploration
         configurations = exploration.configurations
-        completing: list[tuple[int, Run]] = []
-        if configurations[0].ended == COMPLETED:
-            completing.append((0, ()))
-        completing += (
-            (step.target, (*exploration.path(at), (step.number, step.outcome)))
-            for at, steps in enumerate(exploration.steps[: self.count])
-            if configurations[at].ended == GOING
-            for step in steps
-            if configurations[step.target].ended == COMPLETED
-        )
         orphans: dict[int, Run] = {}
-        for at, run in completing:
-            for number in bits(configurations[at].active | configurations[at].hanging):
-                orphans.setdefault(number, run)
+        left = 0
+        for at, step in self._completing():
+            each = configurations[at if step is None else step.target]
+            new = (each.active | each.hanging) & ~left
+            if new:
+                left |= new
+                last = () if step is None else ((step.number, step.outcome),)
+                orphans |= dict.fromkeys(bits(new), (*exploration.path(at), *last))
         return tuple(sorted(orphans.items()))
+
+    def _completing(self) -> Iterator[tuple[int, Step | None]]:
+        """The steps at whose instant the run completes; None if that is the first instant."""
+        configurations = self.exploration.configurations
+        if configurations[0].ended == COMPLETED:
+            yield 0, None
+        for at, steps in enumerate(self.exploration.steps[: self.count]):
+            if configurations[at].ended == GOING:
+                for step in steps:
+                    if configurations[step.target].ended == COMPLETED:
+                        yield at, step
 
     def _fewest_failures(self) -> tuple[int | None, Run]:
         """The fewest failures with which a run gives up, and the shortest such run."""

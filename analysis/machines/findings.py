@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules import rule
-from gpsfsm.analysis.words import actor, count, listed, place
+from gpsfsm.analysis.words import actor, count, fewest_words, listed, place
 from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, Instants
 from gpsfsm.model.choice import OWN
 from gpsfsm.model.event import End, Event, Outcome
@@ -50,7 +50,7 @@ _SEVERITIES = {"stuck": Severity.ERROR, "endless": Severity.WARNING}  # else as 
 _WAITS = {
     "stuck": "nothing more can happen then, and the machine is stuck",
     "give_up": "the machine gives up",
-    "endless": "the machine runs on for ever",
+    "endless": "the machine runs for ever",
     "absorbed": "the machine completes without it",
 }
 
@@ -143,14 +143,14 @@ class Findings:
         elif answers.completes is Frequency.NEVER:
             yield rule("GP304").finding(
                 f"this {terms.whole} never completes, whatever happens: every run "
-                f"{terms.gives_up}, is stuck or goes on for ever",
+                f"{terms.gives_up}, gets stuck or runs for ever",
                 whole,
                 severity=self._severity_of_never(),
                 hint=self._hint_of_never(),
             )
         if answers.stuck in (Frequency.SOMETIMES, Frequency.ALWAYS):
             always = answers.stuck is Frequency.ALWAYS
-            how = "is stuck in every run" if always else "can be stuck"
+            how = "gets stuck in every run" if always else "can get stuck"
             yield rule("GP306").finding(
                 f"this {terms.whole} {how}: it neither completes nor {terms.gives_up}, and nothing "
                 "more can happen",
@@ -173,10 +173,9 @@ class Findings:
             elements = [self.plan.runners[number] for number in loop.runners]
             names = listed([place(element) for element in elements])
             message = (
-                f"once the machine has got there, nothing leads out of this loop, whatever the "
-                f"outcomes: {names}"
+                f"once entered, this loop is never left, whatever the outcomes: {names}"
                 if loop.trap
-                else f"this loop goes on for ever if the same outcomes repeat: {names}"
+                else f"this loop runs for ever if the same outcomes repeat: {names}"
             )
             yield rule(code).finding(
                 message,
@@ -201,7 +200,7 @@ class Findings:
                 f"if {place(element)} {verb}, nothing handles that: the {whole} is stuck",
                 self.plan.location(element),
                 severity=Severity.WARNING,
-                hint="connect this event to what is to be done then",
+                hint="connect this event to the node that should follow it",
                 scenario=self._scenario("GP302", each.shown),
             )
 
@@ -218,9 +217,9 @@ class Findings:
         message = (
             f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (len(numbers) > 1)} {lines}: "
         )
-        message += f"{terms.unguarded}); it takes {count(fewest or 0, 'failure')}"
+        message += f"{terms.unguarded}); {fewest_words(fewest or 0)}"
         if broken:
-            message += f", but --tolerate {self.tolerate} demands more"
+            message += f", but --tolerate {self.tolerate} requires more"
         return rule("GP302").finding(
             message,
             self.plan.location(elements[0]),
@@ -239,11 +238,11 @@ class Findings:
             element = self._element(each.node)
             closing = () if each.loop else (Statement.STUCK,) * (each.effect == "stuck")
             yield rule("GP303").finding(
-                f"the join {self._name(element)} can have some of its inputs and wait for the "
+                f"the join {self._name(element)} can receive some of its inputs and wait for the "
                 f"others for ever: {_WAITS[each.effect]}",
                 self.plan.location(element),
                 severity=_SEVERITIES.get(each.effect),
-                hint="stop the join where a round begins anew, or connect what else can happen",
+                hint="stop the join where a new round begins, or connect what can happen instead",
                 scenario=self._scenario("GP303", each.shown, *closing, loop=each.loop),
             )
 
@@ -254,7 +253,7 @@ class Findings:
             yield rule("GP311").finding(
                 f"the machine can complete while {place(element)} is still active",
                 self.plan.location(element),
-                hint="stop it with what completes the machine",
+                hint="connect the event that completes the machine to it with the action stop",
                 scenario=self._scenario("GP311", run, left),
             )
 
@@ -264,10 +263,10 @@ class Findings:
             first, second = self.plan.runners[each.first], self.plan.runners[each.second]
             resource = clip(each.resource, _MAX_NAME)
             yield rule("GP501").finding(
-                f"{place(first)} and {place(second)} can be active at the same time, and each "
-                f"needs the {resource} for itself",
+                f"{place(first)} and {place(second)} can be active at the same time, but both "
+                f"need exclusive use of the {resource}",
                 self.plan.location(first),
-                hint="stop the one with what starts the other",
+                hint="stop one of them with the event that starts the other",
                 related=(Related(self.plan.location(second), f"holds the {resource}"),),
                 scenario=self._scenario(
                     "GP501",
@@ -387,7 +386,7 @@ class TreeFindings(Findings):
         return Severity.INFO if self._goes_on() else None
 
     def _hint_of_never(self) -> str:
-        return "nothing, if the tree is meant to go on for ever" if self._goes_on() else ""
+        return "nothing if the tree is meant to run for ever" if self._goes_on() else ""
 
     def _goes_on(self) -> bool:
         return self.answers.endless is not Frequency.NEVER
@@ -399,18 +398,18 @@ class TreeFindings(Findings):
             if not loop.trap and any(each.interface in OWN for each in elements):
                 continue
             acting = [each for each in elements if each.interface not in OWN]
-            names = listed([place(each) for each in _once(acting)]) or "nothing that acts"
+            names = listed([place(each) for each in _once(acting)]) or "no action"
             code = "GP313" if loop.trap else "GP314"
             message = (
-                f"once it has begun, this loop goes on for ever, whatever the outcomes: {names}"
+                f"once entered, this loop runs for ever, whatever the outcomes: {names}"
                 if loop.trap
-                else f"this loop goes on for ever if the same outcomes repeat: {names}"
+                else f"this loop runs for ever if the same outcomes repeat: {names}"
             )
             yield rule(code).finding(
                 message,
                 self.plan.location((acting or elements)[0]),
                 severity=Severity.INFO,
-                hint="nothing, if that is intended; else bound the loop",
+                hint="nothing if that is intended; otherwise bound the loop",
                 scenario=self._scenario(
                     code, loop.lasso.prefix, Statement.FOR_EVER, loop=loop.lasso.loop
                 ),

@@ -28,10 +28,9 @@ from gpsfsm.analysis.decisions import dangling as dangling_events
 from gpsfsm.analysis.decisions.completion import frequency
 from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
 from gpsfsm.analysis.machines.decide import Answers, DanglingAt, Run, WaitingEffect, WaitingJoin
-from gpsfsm.analysis.machines.search import HANG
 from gpsfsm.analysis.options import Budget, Inconclusive, Purse
 from gpsfsm.analysis.solver import Solver
-from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED, Instants
+from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, HANG, SUCCEEDED, Instants
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.report import Frequency

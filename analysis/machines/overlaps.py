@@ -11,8 +11,7 @@ from __future__ import annotations
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.analysis.machines.search import bits
-from gpsfsm.compile.instants import GOING
+from gpsfsm.compile.instants import GOING, bits
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

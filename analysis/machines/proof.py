@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.encode import FALSE, TRUE, at_least, conjunction, disjunction, negation
-from gpsfsm.analysis.machines.search import bits
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.analysis.solver import PER_CHARACTER, add_text
 from gpsfsm.compile.instants import (
@@ -35,6 +34,7 @@ from gpsfsm.compile.instants import (
     STOPPED,
     SUCCEEDED,
     Instants,
+    bits,
     immediate_causes,
 )
 from gpsfsm.errors import InternalError

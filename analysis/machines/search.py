@@ -17,28 +17,29 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.compile.instants import (
     FAILED,
     GOING,
+    HANG,
     SUCCEEDED,
+    Change,
     Configuration,
     Instants,
+    Successors,
 )
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.model.automaton import Automaton, Tie
 
 MAX_CONFIGURATIONS = 50_000
 """Configurations that are explored; a machine with more is undecided."""
-
-HANG = 3
-"""A runner hangs: a step beside SUCCEEDED and FAILED that emits nothing."""
 
 _OUTCOMES = {Outcome.SUCCEEDED: SUCCEEDED, Outcome.FAILED: FAILED, Outcome.HANG: HANG}
 
@@ -74,6 +75,10 @@ Steps = dict[int, list[Step]]
 """A part of the graph: the steps of each of its configurations within the part."""
 
 
+_Row = tuple[list[Change], list[int]]
+"""The steps of a configuration: their changes, and the numbers of what they lead to."""
+
+
 class Exploration:
     """The configurations that the runs of a machine reach, and the steps between them.
 
@@ -102,7 +107,8 @@ class Exploration:
         self.steps: list[list[Step]] = []
         self.origins: list[tuple[int, Step] | None] = []
         self.others: dict[tuple[int, int, int], int] = {}
-        self._numbers: dict[Configuration, int] = {}
+        self._successors = Successors(self.instants, self.allowed)
+        self._numbers: dict[int, int] = {}  # of packed configurations, in ascending order
         self.explore(self.instants.first().configuration)
         self.reached = len(self.configurations)
 
@@ -119,40 +125,55 @@ class Exploration:
 
     def explore(self, start: Configuration) -> int:
         """The number of a configuration; what it leads to is explored too."""
-        first = self._number(start, None)
-        at = first
-        while at < len(self.configurations):
-            if at >= len(self.steps):
-                self.steps.append([])
-                self._expand(at)
-            at += 1
-        return first
+        packed = self._successors.packed(start)
+        if packed not in self._numbers:
+            self._record(packed, self._rows_from(packed))
+        return self._numbers[packed]
 
-    def _number(self, configuration: Configuration, origin: tuple[int, Step] | None) -> int:
-        number = self._numbers.get(configuration)
-        if number is None:
-            number = self._numbers[configuration] = len(self.configurations)
-            if number >= self.limit:
-                raise Inconclusive
-            self.configurations.append(configuration)
-            self.origins.append(None)
-            if origin is not None:
-                self.origins[number] = (origin[0], origin[1]._replace(target=number))
-        return number
+    def _rows_from(self, start: int) -> list[_Row]:
+        """The rows of a new configuration, and of all that it leads to, breadth-first.
 
-    def _expand(self, at: int) -> None:
-        configuration = self.configurations[at]
-        for number in bits(configuration.active):
-            for outcome in self.possible(configuration, number):
-                if outcome == HANG:
-                    step = Step(number, HANG, 0, 1 << number, 0)
-                    after = self.instants.hanging(configuration, number)
-                else:
-                    instant = self.instants.after(configuration, number, outcome)
-                    step = Step(number, outcome, 0, instant.moved, instant.joined)
-                    after = instant.configuration
-                target = self._number(after, (at, step))
-                self.steps[at].append(step._replace(target=target))
+        The steps are made afterwards, once it is clear that there are not too many.
+        """
+        numbers, limit, successors = self._numbers, self.limit, self._successors
+        if len(numbers) >= limit:
+            raise Inconclusive
+        numbers[start] = len(numbers)
+        pending = [start]
+        rows: list[_Row] = []
+        for state in pending:  # grows while it is read
+            changes, targets = successors.changes(state), list[int]()
+            for target in successors.targets(state, changes):
+                number = numbers.get(target)
+                if number is None:
+                    number = len(numbers)
+                    if number >= limit:
+                        raise Inconclusive
+                    numbers[target] = number
+                    pending.append(target)
+                targets.append(number)
+            rows.append((changes, targets))
+        return rows
+
+    def _record(self, start: int, rows: list[_Row]) -> None:
+        """Make the steps of new configurations; the first that leads to each is its origin."""
+        begin = self._numbers[start]
+        assert begin == len(self.configurations), "what was explored before was recorded"
+        self.origins.append(None)
+        new = islice(self._numbers, begin, None)
+        for at, (state, (changes, targets)) in enumerate(zip(new, rows, strict=True), start=begin):
+            self.configurations.append(self._successors.unpacked(state))
+            steps = [
+                Step(change.number, change.outcome, target, moved, change.joined)
+                for change, target, moved in zip(
+                    changes, targets, self._successors.moved(state, changes), strict=True
+                )
+            ]
+            self.steps.append(steps)
+            for step in steps:
+                if step.target == len(self.origins):
+                    self.origins.append((at, step))
+        assert len(self.origins) == len(self._numbers), "each configuration has its origin"
 
     def possible(self, configuration: Configuration, number: int) -> tuple[int, ...]:
         """The outcomes that an active runner can have in a configuration."""
@@ -181,17 +202,20 @@ class Exploration:
 
     def components(self, part: Steps) -> list[Steps]:
         """The strongly connected components with a step, in order of their first configuration."""
-        import networkx
-
-        graph: networkx.DiGraph[int] = networkx.DiGraph()
-        graph.add_edges_from((at, step.target) for at, steps in part.items() for step in steps)
+        targets = {at: {step.target for step in steps} for at, steps in part.items()}
         components: list[Steps] = []
-        for members in networkx.strongly_connected_components(graph):
-            inner = {
-                at: [step for step in part[at] if step.target in members] for at in sorted(members)
-            }
-            if any(inner.values()):
-                components.append(inner)
+        for members in strongly_connected(targets):
+            first = members[0]
+            if len(members) == 1 and first not in targets[first]:
+                continue
+            inner = part
+            if len(members) < len(part):
+                inside = set(members)
+                inner = {
+                    at: [step for step in part[at] if step.target in inside]
+                    for at in sorted(members)
+                }
+            components.append(inner)
         return sorted(components, key=min)
 
     def just(self, component: Steps) -> bool:
@@ -201,27 +225,22 @@ class Exploration:
             waiting &= self.configurations[at].active
             for step in steps:
                 waiting &= ~step.moved
-        return not waiting
+            if not waiting:
+                return True
+        return False
 
     def endless(self, part: Steps) -> list[Steps]:
         """The components in which runs can stay for ever."""
         return [each for each in self.components(part) if self.just(each)]
 
-    def fair(self, part: Steps) -> bool:
-        """True if a fair run can stay in this part for ever."""
-        pending = self.components(part)
+    def fair(self, components: Iterable[Steps]) -> bool:
+        """True if a fair run can stay in one of these components for ever."""
+        pending = list(components)
         while pending:
             component = pending.pop()
             if not self.just(component):
                 continue
-            taken: dict[int, set[int]] = {}
-            possible: dict[int, set[int]] = {}
-            for at, steps in component.items():
-                for step in steps:
-                    taken.setdefault(step.number, set()).add(step.outcome)
-                    outcomes = self.possible(self.configurations[at], step.number)
-                    possible.setdefault(step.number, set()).update(outcomes)
-            unfair = {number for number in taken if possible[number] - taken[number] - {HANG}}
+            unfair = self._unfair(component)
             if not unfair:
                 return True
             pending += self.components(
@@ -232,13 +251,29 @@ class Exploration:
             )
         return False
 
-    def leading_to(self, targets: Iterable[int], part: Steps | None = None) -> set[int]:
-        """The configurations from which steps, of the part, lead to one of the targets."""
-        sources: dict[int, list[int]] = {}
-        rows = enumerate(self.steps) if part is None else part.items()
-        for at, steps in rows:
+    def _unfair(self, component: Steps) -> set[int]:
+        """The runners that end in a component, but not with each outcome that they can have there.
+
+        To hang is no outcome that anybody must have.
+        """
+        taken: dict[int, set[int]] = {}
+        for steps in component.values():
             for step in steps:
-                sources.setdefault(step.target, []).append(at)
+                taken.setdefault(step.number, set()).add(step.outcome)
+        possible = {number: set(self.allowed[number]) for number in taken}
+        tied = {number: set[int]() for number in taken if number in self.instants.tie_of}
+        for at, steps in component.items() if tied else ():
+            for number in {step.number for step in steps if step.number in tied}:
+                tied[number].update(self.possible(self.configurations[at], number))
+        possible |= tied
+        return {number for number in taken if possible[number] - taken[number] - {HANG}}
+
+    def leading_to(self, targets: Iterable[int]) -> set[int]:
+        """The configurations from which steps lead to one of the targets."""
+        sources: dict[int, list[int]] = {}
+        for at, steps in enumerate(self.steps):
+            for target in {step.target for step in steps}:
+                sources.setdefault(target, []).append(at)
         leading = set(targets)
         pending = list(leading)
         while pending:
@@ -286,14 +321,41 @@ class Exploration:
         raise AssertionError("a component in which runs can stay has a loop through each of it")
 
 
-def bits(number: int) -> Iterator[int]:
-    """The places of the bits of a number, in ascending order."""
-    while number:
-        lowest = number & -number
-        yield lowest.bit_length() - 1
-        number ^= lowest
+# Tarjan's algorithm, without recursion. The vertices are visited depth-first and numbered in the
+# order of the visits; each learns the lowest number of an open vertex that its steps lead back to.
+# One that leads back to none before itself closes a component: itself and all that is open since.
+# (networkx has it too, but to make a graph of so many steps takes longer than to explore them.)
+#
+#     0 → 1, 1 → 2, 2 → 1    visits 0, 1, 2;  2 leads back to 1, so that 1 closes {1, 2};  then {0}
 
 
-def still(configuration: Configuration) -> bool:
-    """True if nothing more can happen."""
-    return not configuration.active
+def strongly_connected(targets: Mapping[int, Iterable[int]]) -> Iterator[list[int]]:
+    """The strongly connected components of a graph, of which every vertex has its targets."""
+    order: dict[int, int] = {}
+    lowest: dict[int, int] = {}
+    closed = len(targets)  # is no number of a visit
+    opened: list[int] = []
+    for root in targets:
+        path = [] if root in order else [(root, iter(targets[root]))]
+        while path:
+            at, further = path[-1]
+            if at not in order:
+                order[at] = lowest[at] = len(order)
+                opened.append(at)
+            for target in further:
+                if target not in order:
+                    path.append((target, iter(targets[target])))
+                    break
+                lowest[at] = min(lowest[at], order[target])
+            else:
+                path.pop()
+                if path:
+                    before = path[-1][0]
+                    lowest[before] = min(lowest[before], lowest[at])
+                if lowest[at] == order[at]:
+                    component: list[int] = []
+                    while at not in component[-1:]:
+                        component.append(opened.pop())
+                        order[component[-1]] = closed
+                    yield component
+    assert not opened, "every vertex is in a component"

@@ -99,7 +99,7 @@ def rule(code_or_name: str) -> Rule:
     for each in all_rules():
         if each.name == wanted.lower():
             return each
-    raise UsageError(f"there is no rule '{wanted}'; 'gpsfsm rule' lists them")
+    raise UsageError(f"there is no rule '{wanted}'; 'gpsfsm explain' lists all rules")
 
 
 def says_no_verdict(code: str) -> bool:
@@ -126,6 +126,6 @@ def select_rules(selectors: tuple[str, ...]) -> frozenset[str]:
             or each.name == wanted.lower()
         }
         if not wanted or not matching:
-            raise UsageError(f"no rule matches '{selector}'; 'gpsfsm rule' lists them")
+            raise UsageError(f"no rule matches '{selector}'; 'gpsfsm explain' lists all rules")
         codes |= matching
     return frozenset(codes)

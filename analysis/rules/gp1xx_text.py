@@ -12,15 +12,15 @@ RULES = (
         severity=Severity.ERROR,
         summary="The text breaks the rules of XML.",
         why=(
-            "An executor reads a plan with an XML parser, which refuses the whole text at the "
-            "first error or, worse, guesses. gpsfsm reports all errors of a text at once. Where an "
-            'error can be repaired in one place, such as a stray "&", the rest of the check goes '
-            "on as if it were; tags that do not match leave open what the plan means, so nothing "
-            "more is said about it."
+            "An executor reads a plan with an XML parser, which rejects the whole text at the "
+            "first error or, worse, guesses. gpsfsm reports all errors of a text at once. If an "
+            'error can be repaired in one place, such as a stray "&", the check continues as if '
+            "it had been; if tags do not match, the meaning of the plan is unclear, so the "
+            "check stops there."
         ),
         fix=(
-            'correct the text at the marked place. In attribute values "&" is written "&amp;" and '
-            '"<" is written "&lt;"'
+            'correct the text at the marked place. In attribute values, write "&" as "&amp;" and '
+            '"<" as "&lt;"'
         ),
         bad=plan(go(2.0, -0.5), say("Lab & office checked")),
         good=plan(go(2.0, -0.5), say("Lab &amp; office checked")),
@@ -32,10 +32,10 @@ RULES = (
         summary="The text has a DOCTYPE or defines entities.",
         why=(
             "A DOCTYPE can make an XML parser read files of the robot, open network connections, "
-            "or fill the memory by entities that expand to each other. No plan needs one. gpsfsm "
-            "never reads or expands it; an executor might."
+            "or exhaust the memory with entities that expand to each other. No plan needs one. "
+            "gpsfsm never reads or expands it; an executor might."
         ),
-        fix="remove the DOCTYPE and everything in it; write the text of an entity where it is used",
+        fix="remove the whole DOCTYPE; write the text of an entity where it is used",
         bad='<!DOCTYPE Plan [<!ENTITY dock SYSTEM "file:///etc/hostname">]>\n'
         + plan(go(2.0, -0.5), say("&dock;")),
         good=plan(go(2.0, -0.5), say("dock")),
@@ -44,15 +44,15 @@ RULES = (
         code="GP103",
         name="over-limit",
         severity=Severity.ERROR,
-        summary="The text is larger or more deeply nested than gpsfsm reads.",
+        summary="The text is larger or more deeply nested than gpsfsm accepts.",
         why=(
-            "Limits keep broken or hostile input from taking all time and memory. They admit a "
-            "hundred thousand elements; a text beyond them is rarely a plan. gpsfsm stops reading "
-            "there and decides nothing about it."
+            "Limits keep broken or hostile input from using up time and memory. They allow a "
+            "hundred thousand elements; a text that exceeds them is rarely a plan. gpsfsm stops "
+            "reading at the limit and does not decide the plan."
         ),
         fix=(
-            "make the plan smaller, or raise the limit that the message names if the plan is meant "
-            "to be like this"
+            "make the plan smaller, or raise the limit that the hint names if the plan is meant to "
+            "be like this"
         ),
         bad=plan(control("sequential", go(2.0, -0.5), control("recovery", go(0.0, 0.0)))),
         good=plan(go(2.0, -0.5), control("recovery", go(0.0, 0.0))),
@@ -80,9 +80,9 @@ RULES = (
         severity=Severity.ERROR,
         summary="An element is neither `<Plan>`, `<Control>` nor `<Runner>`.",
         why=(
-            "A plan knows three elements only, written exactly so. Language models often mix in "
-            "words of behaviour trees, such as `<Sequence>`. No executor knows what they mean, so "
-            "nothing more can be said about the plan."
+            "A plan has only these three elements, spelled exactly like this. Language models "
+            "often mix in elements of behaviour trees, such as `<Sequence>`. No executor supports "
+            "them, so the plan cannot be checked further."
         ),
         fix="write <Control> and <Runner> elements instead; names are case-sensitive",
         bad=plan(
@@ -94,13 +94,13 @@ RULES = (
         code="GP106",
         name="unknown-control-type",
         severity=Severity.ERROR,
-        summary="The type of a control is none of the four that exist.",
+        summary="The type of a control is not one of the four types.",
         why=(
             "The type says how the children run: one after the other, as a recovery, or at the "
-            "same time. With another word the plan has no meaning, so nothing more can be said "
-            "about it."
+            "same time. With any other word the plan has no meaning, so it cannot be checked "
+            "further."
         ),
-        fix="use sequential, recovery, parallel_any or parallel_all, in small letters",
+        fix="use sequential, recovery, parallel_any or parallel_all, in lower case",
         bad=plan(control("parallel", go(2.0, -0.5), say("On my way."))),
         good=plan(control("parallel_all", go(2.0, -0.5), say("On my way."))),
     ),
@@ -111,8 +111,8 @@ RULES = (
         summary="A runner lacks its interface or provider, or a control its type.",
         why=(
             "A runner without an interface names no capability, and one without a provider names "
-            "nobody who could do it; the executor cannot start either. A control without a type "
-            "does not say how its children run. An attribute of blanks counts as missing."
+            "no implementation; the executor cannot start either. A control without a type does "
+            "not say how its children run. A blank attribute counts as missing."
         ),
         fix="add the attribute that the message names",
         bad=plan('<Runner interface="nav2_capabilities/WaypointRunner" x="2.0" y="-0.5"/>'),
@@ -122,11 +122,12 @@ RULES = (
         code="GP108",
         name="stray-text",
         severity=Severity.ERROR,
-        summary="Text stands where only elements may be.",
+        summary="There is text where only elements are allowed.",
         why=(
-            "A plan holds elements and comments, no text of its own. Text around it is what a "
-            "language model says before or after its plan, text inside it is often a remark or the "
-            "rest of a broken tag. Some executors refuse the plan, others skip the text."
+            "A plan consists of elements and comments, without text of its own. Text around it is "
+            "usually a language model's introduction or closing remark; text inside it is often a "
+            "remark or the remainder of a broken tag. Some executors reject the plan, others skip "
+            "the text."
         ),
         fix=(
             "remove the text, or make it a comment: <!-- … -->. Check a language model's raw "
@@ -139,12 +140,12 @@ RULES = (
         code="GP109",
         name="empty-control",
         severity=Severity.WARNING,
-        summary="A control, or the whole plan, holds nothing.",
+        summary="A control, or the whole plan, is empty.",
         why=(
             "An empty control does nothing and succeeds at once; an empty recovery recovers "
-            "nothing. That is hardly what was meant: something was forgotten, or was left over."
+            "nothing. This is rarely intended: something was forgotten or left over."
         ),
-        fix="put runners into it, or remove it",
+        fix="add runners to it, or remove it",
         bad=plan(go(2.0, -0.5), control("recovery")),
         good=plan(go(2.0, -0.5), control("recovery", go(0.0, 0.0))),
     ),
@@ -154,11 +155,10 @@ RULES = (
         severity=Severity.ERROR,
         summary="An element has the same attribute twice.",
         why=(
-            "XML forbids it, and an executor that reads the plan nevertheless takes one of the "
-            'values: which one, nobody knows. A robot that is sent to x="2.0" x="20.0" may go to '
-            "either."
+            "XML forbids it, and if an executor reads the plan anyway, it is undefined which "
+            'value it uses. A robot that is sent to x="2.0" x="20.0" may go to either.'
         ),
-        fix="keep one of them. The first one is used for the rest of the check",
+        fix="keep one of them. The rest of the check uses the first one",
         bad=plan(go(2.0, -0.5).replace('x="2.0"', 'x="2.0" x="20.0"')),
         good=plan(go(2.0, -0.5)),
     ),
@@ -168,7 +168,7 @@ RULES = (
         severity=Severity.WARNING,
         summary="One attribute packs two or three numbers.",
         why=(
-            'Fabric types each attribute on its own, and goal="2.0,-0.5" is a text, not a '
+            'Fabric types each attribute on its own, and goal="2.0,-0.5" is a string, not a '
             "position. A navigation runner looks for x and y and does not find them."
         ),
         fix="write one attribute per number, with the names that the capability expects",
@@ -179,10 +179,10 @@ RULES = (
         code="GP112",
         name="foreign-attribute",
         severity=Severity.WARNING,
-        summary="An attribute has no effect where it stands.",
+        summary="An attribute is on an element that does not use it.",
         why=(
-            "Plans take a name, controls a type and a name; parameters are for runners. What is "
-            "written elsewhere is silently ignored, although the author counted on it."
+            "A plan takes a name, a control a type and a name; parameters belong to runners. "
+            "Other attributes are silently ignored, although the author expected an effect."
         ),
         fix="move the attribute to the runner that needs it, or remove it",
         bad=plan(control("sequential", go(2.0, -0.5)).replace(">", ' timeout="30">', 1)),
@@ -194,9 +194,9 @@ RULES = (
         severity=Severity.INFO,
         summary="The plan names its completion runner as its last element.",
         why=(
-            "A plan completes by itself after its last element. Naming the completion runner is "
-            "not wrong, but unnecessary, and elsewhere than at the end it would complete the plan "
-            "too early. The check leaves it out."
+            "A plan completes by itself after its last element. Naming the completion runner there "
+            "is not wrong, but unnecessary; anywhere else it would complete the plan too early. "
+            "The check ignores it."
         ),
         fix="remove the completion runner",
         bad=plan(
@@ -210,14 +210,14 @@ RULES = (
         code="GP114",
         name="runner-content",
         severity=Severity.ERROR,
-        summary="A runner holds elements or text.",
+        summary="A runner contains elements or text.",
         why=(
-            "A runner is a leaf: what is inside it never runs. Often its tag should have ended "
-            'with "/>", so that the following elements stand behind it and not inside. The check '
-            "ignores what is inside."
+            "A runner is a leaf: whatever is inside it never runs. Often its tag should have ended "
+            'with "/>", so that the following elements come after it and not inside. The check '
+            "ignores the content."
         ),
         fix=(
-            'end the tag of the runner with "/>" and move what is inside behind it; write texts as '
+            'end the tag of the runner with "/>" and move its content after it; write texts as '
             "attributes"
         ),
         bad=plan(go(2.0, -0.5).replace("/>", ">"), "    " + say("Hall checked."), "</Runner>"),
@@ -227,16 +227,16 @@ RULES = (
         code="GP115",
         name="extracted-plan",
         severity=Severity.INFO,
-        summary="The plan was taken out of a language model's answer.",
+        summary="The plan was extracted from a language model's answer.",
         why=(
-            "With --from-response gpsfsm looks for the last complete plan in a model's raw answer "
-            "and leaves out the rest: prose, Markdown fences, what the model thought, earlier "
-            "plans, and the prefixes of the lines in a log of ros2 launch. This tells which lines "
-            "were taken, so that you can see whether it is the plan that you mean."
+            "With --from-response gpsfsm takes the last complete plan from a model's raw answer "
+            "and leaves out the rest: prose, Markdown fences, the model's reasoning, earlier "
+            "plans, and the line prefixes in a log of ros2 launch. The finding shows which lines "
+            "were taken, so that you can check that it is the plan you mean."
         ),
         fix=(
-            "nothing, if that is the plan you mean. Ask the model to answer with the plan alone to "
-            "avoid it"
+            "nothing if that is the plan you mean. To avoid the finding, ask the model to answer "
+            "with the plan alone"
         ),
         bad=f"Sure! This plan sends the robot to the hall:\n```xml\n{plan(go(2.0, -0.5))}```\n",
         good=plan(go(2.0, -0.5)),
@@ -246,13 +246,11 @@ RULES = (
         code="GP116",
         name="undecodable-text",
         severity=Severity.ERROR,
-        summary=(
-            "The text is not in the encoding it should be in, or has characters that XML forbids."
-        ),
+        summary="The text does not match its encoding, or contains characters that XML forbids.",
         why=(
-            "Bytes that are no text in the declared encoding mean a damaged file, a binary file, "
-            "or one saved in another encoding. Control characters such as NUL are forbidden in "
-            "XML: parsers refuse them, or end the text there."
+            "Bytes that are invalid in the declared encoding mean a damaged file, a binary file, "
+            "or a file saved in another encoding. Control characters such as NUL are forbidden in "
+            "XML: parsers reject them, or end the text there."
         ),
         fix="save the file as UTF-8 and remove control characters",
         bad=plan(go(2.0, -0.5), say("Hall checked.\0")),
@@ -262,11 +260,11 @@ RULES = (
         code="GP117",
         name="malformed-machine",
         severity=Severity.ERROR,
-        summary="A graph, a JSON or a GraphML file is no well-formed machine.",
+        summary="A graph in JSON or GraphML is not a well-formed machine.",
         why=(
-            "A machine can be any graph, but its nodes need kinds, its connections need events "
-            "that their sources emit, and no event may cause itself at one instant. What is not "
-            "well-formed has no meaning, so nothing is decided about it."
+            "A machine can be any graph, but each node needs a kind, each connection needs an "
+            "event that its source emits, and no event may cause itself at the same instant. A "
+            "graph that is not well-formed has no meaning, so it is not decided."
         ),
         fix="correct the node that the message names; docs/machines.md describes the attributes",
         bad=machine("drive SUCCEEDED end", "drive FAILED drive", "end SUCCEEDED drive"),
@@ -276,16 +274,16 @@ RULES = (
         code="GP118",
         name="behaviour-tree-in-plan",
         severity=Severity.ERROR,
-        summary="The elements of a behaviour tree stand inside a `<Plan>`.",
+        summary="A `<Plan>` contains elements of a behaviour tree.",
         why=(
             "Language models that have seen many behaviour trees write one and put <Plan> around "
-            "it. No executor of plans knows its elements, so nothing more can be said about the "
-            "plan. One finding names all of them, with an ID of <Plan>, which only trees have."
+            "it. No plan executor supports these elements, so the plan cannot be checked further. "
+            "One finding lists all of them, including an ID on <Plan>, which only trees have."
         ),
         fix=(
-            'write <Control type="sequential"> for <Sequence>. For <Fallback> write its first '
-            'child, and right after it the others in <Control type="recovery">. Write a <Runner> '
-            "for each action. If a tree is what you want, put it into <root>: it is checked then"
+            'replace <Sequence> with <Control type="sequential">, <Fallback> with its first child '
+            'followed by the others in <Control type="recovery">, and each action with a <Runner>. '
+            "If you want a tree, put it into <root> to have it checked as one"
         ),
         bad=plan(
             "<Sequence>",

@@ -87,11 +87,13 @@ def _packages(library: Library, interface: str, *, robot: bool) -> str:
     package = namespace(interface)
     same = [name for name in library.interface_names if namespace(name) == package]
     if package and same:
-        return f"{quoted(package)} has {', '.join(same[:5])}{', …' if len(same) > 5 else ''}"
+        return (
+            f"use one of {quoted(package)}: {', '.join(same[:5])}{', …' if len(same) > 5 else ''}"
+        )
     if robot:
         names = [quoted(name) for name in sorted(library.interface_names)]
-        return f"the robot has {listed(names, most=5)}"
-    return "'gpsfsm capabilities list' shows the interfaces that there are"
+        return f"use one that the robot has: {listed(names, most=5)}"
+    return "run 'gpsfsm capabilities list' to see all interfaces"
 
 
 UNKNOWN_INTERFACE = Rule(
@@ -100,8 +102,9 @@ UNKNOWN_INTERFACE = Rule(
     severity=Severity.ERROR,
     summary="A runner names an interface that does not exist.",
     why=(
-        "The executor looks the interface up before the first step and finds nothing, so the plan "
-        "does not even start. Language models often put the right runner into the wrong package."
+        "The executor looks up the interface before the first step and does not find it, so "
+        "the plan does not even start. Language models often put the right runner in the "
+        "wrong package."
     ),
     fix="write the interface as the capability files name it",
     bad=plan(go(2.0, -0.5).replace("nav2_capabilities/", "perception_capabilities/")),
@@ -162,8 +165,8 @@ def _mixed(context: Context, bound: Mapping[tuple[str, str], list[int]]) -> Iter
             continue
         name, wanted = binding.interface.name, binding.provider.name
         yield UNKNOWN_PROVIDER.finding(
-            f"the interface is {quoted(interface)} and the provider {quoted(provider)}: these "
-            f"are spellings of different dialects{more_runners(numbers)}",
+            f"the interface is {quoted(interface)} but the provider is {quoted(provider)}: these "
+            f"names belong to different dialects{more_runners(numbers)}",
             at(context, context.runner(numbers[0]), "provider"),
             severity=Severity.ERROR if context.capabilities.robot else Severity.WARNING,
             hint=f"write {quoted(wanted)}" + (f" for {quoted(name)}" if name != wanted else ""),
@@ -180,16 +183,16 @@ def _two_spellings(binding: Binding, interface: str, provider: str) -> bool:
     return interface in spellings and provider in spellings
 
 
-_NOBODY = "no provider of this interface is described; name one that is"
+_NOBODY = "name a provider of this interface; no capability file describes one"
 
 UNKNOWN_PROVIDER = Rule(
     code="GP202",
     name="unknown-provider",
     severity=Severity.ERROR,
-    summary="A runner names a provider that does not exist, or that implements something else.",
+    summary="A runner names a provider that does not exist or implements another interface.",
     why=(
-        "The provider is what the executor starts. If it does not exist nothing starts, and if it "
-        "implements another interface something else is started than the plan says."
+        "The provider is what the executor starts. If it does not exist, nothing starts; if "
+        "it implements another interface, the robot does something other than the plan says."
     ),
     fix="name a provider that implements the interface",
     bad=plan(
@@ -232,7 +235,7 @@ def _find_other_dialect(context: Context) -> Iterator[Finding]:
             groups.setdefault((namespace(name), namespace(here)), {})[name] = number
     for names in groups.values():
         (first, number), *rest = names.items()
-        more = f" ({len(rest)} more of this package likewise)" if rest else ""
+        more = f" (and {len(rest)} more of this package)" if rest else ""
         yield OTHER_DIALECT.finding(
             _other_name(first, translations[first] or first, robot, engine) + more,
             at(context, context.runner(number), "interface"),
@@ -260,24 +263,25 @@ def _other_name(name: str, here: str, robot: Robot | None, engine: str) -> str:
         return f"{quoted(name)} is called {quoted(here)} on the robot {quoted(robot.name)}"
     if engine:
         return f"{quoted(name)} is called {quoted(here)} on {engine}"
-    return f"{quoted(name)} is called {quoted(here)} here"
+    return f"the plan mixes dialects: {quoted(name)} is another name of {quoted(here)}"
 
 
 OTHER_DIALECT = Rule(
     code="GP208",
     name="other-dialect",
     severity=Severity.INFO,
-    summary="A runner has the name of another dialect than the robot or the rest of the plan.",
+    summary="A runner's name belongs to another dialect than the robot or the rest of the plan.",
     why=(
-        "The packages of the capabilities were renamed more than once. gpsfsm knows all published "
-        "names, but each robot has one of them: a plan that mixes them runs on none."
+        "The packages of the capabilities were renamed more than once. gpsfsm knows all "
+        "published names, but each robot uses only one set: a plan that mixes them runs on no "
+        "robot."
     ),
-    fix="write all names as the robot has them; a robot profile says which these are",
+    fix="use the robot's names throughout; a robot profile defines them",
     bad=plan(go(2.0, -0.5).replace("nav2_capabilities", "capabilities2_runner_nav2"), go(0.0, 0.0)),
     good=plan(go(2.0, -0.5)),
     severities=(
-        "error under a robot profile, which says the names; warning on fabric-v3, which has the "
-        "newest published ones; info where a plan mixes names"
+        "error under a robot profile, which defines the names; warning on fabric-v3, which "
+        "has the newest published names; info if a plan mixes names"
     ),
     find=_find_other_dialect,
 )
@@ -324,9 +328,9 @@ DEPRECATED_INTERFACE = Rule(
     code="GP209",
     name="deprecated-interface",
     severity=Severity.WARNING,
-    summary="A runner names an interface or a provider that should not be used any more.",
-    why="The capability file says so, and says why: see the message.",
-    fix="write what the message names in its place",
+    summary="A runner names a deprecated interface or provider.",
+    why="The capability file marks it as deprecated; the message quotes the reason.",
+    fix="use the replacement that the message names",
     bad=plan(go(2.0, -0.5), f'<Runner interface="{_MULTIPLEX}" provider="{_MULTIPLEX}"/>'),
     good=plan(go(2.0, -0.5)),
     find=_find_deprecated_interface,
@@ -342,11 +346,11 @@ def _find_undescribed_runner(context: Context) -> Iterator[Finding]:
         return
     (interface, number), *rest = first.items()
     meant = Names(context.capabilities.library).namesakes(interface)
-    other = f"; if {quoted(meant[0])} is meant, write that" if meant else ""
+    other = f", or write {quoted(meant[0])} if that is what you mean" if meant else ""
     names = listed([quoted(name) for name in first])
     yield UNDESCRIBED_RUNNER.finding(
-        f"no file tells what {names} {'need' if rest else 'needs'}, "
-        f"{'give and do' if rest else 'gives and does'}, so none of that is checked",
+        f"no capability file describes {names}, so {'their' if rest else 'its'} parameters, "
+        "outputs and effects are not checked",
         context.plan.location(context.runner(number)),
         hint=UNDESCRIBED_RUNNER.fix + other,
         related=tuple(
@@ -362,11 +366,11 @@ UNDESCRIBED_RUNNER = Rule(
     severity=Severity.INFO,
     summary="No capability file describes a runner.",
     why=(
-        "What a runner needs, gives and occupies is not in the plan. Of a runner that no file "
-        "describes nothing is assumed, and the rules about parameters, data flow, resources and "
-        "time say nothing about it."
+        "A plan does not say what a runner needs, outputs and occupies. gpsfsm assumes "
+        "nothing about a runner that no file describes, so the rules about parameters, data "
+        "flow, resources and time do not check it."
     ),
-    fix="name the folder of the robot's capability files with --capabilities DIR",
+    fix="pass the folder of the robot's capability files with --capabilities DIR",
     bad=plan(
         go(2.0, -0.5), '<Runner interface="lift_bot/LiftRunner" provider="lift_bot/LiftRunner"/>'
     ),
@@ -400,22 +404,22 @@ def _find_unpermitted_runner(context: Context) -> Iterator[Finding]:
 def _permit(permission: Permission, robot: Robot | None) -> str:
     if robot is None:
         return (
-            f"--allow-{permission.value} of 'gpsfsm gate' and 'gpsfsm run', or a robot profile, "
-            "permits it"
+            f"remove it, or permit it: --allow-{permission.value} of 'gpsfsm gate' and 'gpsfsm "
+            "run', or a robot profile"
         )
-    return f"leave it out; or permit it: 'allow: {permission.value}s' in the profile of the robot"
+    return f"remove it, or permit it: 'allow: {permission.value}s' in the robot's profile"
 
 
 UNPERMITTED_RUNNER = Rule(
     code="GP213",
     name="unpermitted-runner",
     severity=Severity.ERROR,
-    summary="A runner starts a program, calls a URL or a function, and nothing permits it.",
+    summary="A runner starts a program or calls a URL or function without permission.",
     why=(
-        "A plan comes from a model or from somebody else. What it starts or calls can do anything "
-        "that the robot's computer can, whatever the plan looks like."
+        "A plan comes from a model or from somebody else. What it starts or calls can do "
+        "anything that the robot's computer can do, however harmless the plan looks."
     ),
-    fix="leave it out, or permit what it may reach",
+    fix="remove it, or permit what it reaches",
     bad=plan(
         go(2.0, -0.5),
         '<Runner interface="generic_capabilities/ProcessRunner" '
@@ -423,8 +427,8 @@ UNPERMITTED_RUNNER = Rule(
     ),
     good=plan(go(2.0, -0.5)),
     severities=(
-        "error in a gate and under a robot profile; warning in a check where nobody has said what "
-        "is permitted"
+        "error in a gate and under a robot profile; warning in a check without configured "
+        "permissions"
     ),
     find=_find_unpermitted_runner,
 )
@@ -443,7 +447,9 @@ def _find_defective_capability_file(context: Context) -> Iterator[Finding]:
     count = "a defect" if len(defects) == 1 else f"{len(defects)} defects"
     more = f"; and {len(defects) - _SHOWN} more" if len(defects) > _SHOWN else ""
     yield DEFECTIVE_CAPABILITY_FILE.finding(
-        f"the capability files have {count}: {shown}{more}", Location(1, 1, "/Plan"), length=1
+        f"the capability files have {count}: {shown}{more}",
+        Location(1, 1, "/Plan"),
+        length=1,
     )
 
 
@@ -451,12 +457,13 @@ DEFECTIVE_CAPABILITY_FILE = Rule(
     code="GP211",
     name="defective-capability-file",
     severity=Severity.WARNING,
-    summary="A capability file cannot be used as it is.",
+    summary="A capability file has defects.",
     why=(
-        "What is defective is left out, so that runners may count as unknown or undescribed that "
-        "the file was meant to describe."
+        "gpsfsm ignores the defective parts of the file, so runners that it was meant to describe "
+        "may count as unknown or undescribed, and what it declares of them is not checked. A gate "
+        "with --fail-on warning rejects every plan until the files are right."
     ),
-    fix="mend the files; 'gpsfsm capabilities check DIR' shows everything that is wrong with them",
+    fix="fix the files; 'gpsfsm capabilities check DIR' lists everything that is wrong with them",
     bad="",
     good=plan(go(2.0, -0.5)),
     find=_find_defective_capability_file,
@@ -469,7 +476,7 @@ def _find_mismatched_names(context: Context) -> Iterator[Finding]:
     for (interface, provider), numbers in survey(context)[Status.FOREIGN].items():
         implemented = quoted(names.implements(provider))
         yield MISMATCHED_NAMES.finding(
-            f"no file describes the interface {quoted(interface)}, and its provider "
+            f"no file describes the interface {quoted(interface)}, but its provider "
             f"{quoted(provider)} implements {implemented}{more_runners(numbers)}",
             at(context, context.runner(numbers[0]), "interface"),
             hint=f"write {implemented}, or name a provider of {quoted(interface)}",
@@ -482,12 +489,12 @@ MISMATCHED_NAMES = Rule(
     code="GP212",
     name="mismatched-names",
     severity=Severity.ERROR,
-    summary="A runner names a provider with an interface that is unknown, and not the provider's.",
+    summary="A runner combines an unknown interface with a provider of another interface.",
     why=(
-        "The provider is what would be started, and the interface says what it is checked as. If "
-        "the two do not belong together the robot would drive where the plan says that it speaks, "
-        "and nothing about the drive would have been checked. A wrong letter, a blank or a letter "
-        "of another alphabet is enough."
+        "The provider is what starts; the interface is what gets checked. If the two do not "
+        "match, the robot could drive although the plan says that it speaks, and nothing about "
+        "the drive would have been checked. One wrong letter, a space or a letter of another "
+        "alphabet is enough."
     ),
     fix="write the interface that the provider implements, or a provider of the interface",
     bad=plan(

@@ -81,7 +81,7 @@ def _second_spelling_finding(
 ) -> Finding:
     who, what = short(runner.interface), quoted(attribute.name)
     return UNKNOWN_PARAMETER.finding(
-        f"{quoted(read)} and {what} are one parameter of {who}: what {what} says is ignored",
+        f"{quoted(read)} and {what} are one parameter of {who}: the value of {what} is ignored",
         context.plan.location(runner, attribute),
         hint=f"remove {what}",
         length=len(attribute.name),
@@ -99,16 +99,16 @@ def _unknown_parameter_finding(
 ) -> Finding:
     who, what = short(runner.interface) or runner.interface, quoted(attribute.name)
     if needed and meant in _takes(binding.provider):
-        message = f"{who} has no parameter {what}, but it needs {quoted(meant)}"
+        message = f"{who} has no parameter {what}, but needs {quoted(meant)}"
     else:
-        message = f"{who} has no parameter {what}: what is written there is ignored"
+        message = f"{who} has no parameter {what}: its value is ignored"
     names = _takes(binding.provider)
     if meant in names:
         hint = f"write {quoted(meant)} instead"
     elif meant:
         hint = f"remove it: {quoted(meant)} can only come from the step right before this one"
     elif names:
-        hint = f"it takes {listed([quoted(name) for name in names], most=8)}"
+        hint = f"use one of its parameters: {listed([quoted(name) for name in names], most=8)}"
     else:
         hint = "remove it: this runner takes no parameters"
     return UNKNOWN_PARAMETER.finding(
@@ -153,11 +153,11 @@ UNKNOWN_PARAMETER = Rule(
     code="GP203",
     name="unknown-parameter",
     severity=Severity.WARNING,
-    summary="A runner is given a parameter that its provider does not know.",
+    summary="A runner has a parameter that its provider does not declare.",
     why=(
-        "The engines ignore it silently: the runner does something else than the plan says, with "
-        "a default in place of the value. Often it is a misspelt name, or one that another runner "
-        "has."
+        "The engines ignore it silently: the runner uses a default instead of the value and "
+        "does something other than the plan says. Often the name is misspelt, or belongs to "
+        "another runner."
     ),
     fix="write the name as the capability file has it, or remove the attribute",
     bad=plan(go(2.0, -0.5).replace("/>", ' speed="0.3"/>')),
@@ -182,7 +182,8 @@ def _find_missing_parameter(context: Context) -> Iterator[Finding]:
         missing_names = listed([quoted(name) for name in names], most=_SHOWN)
         yield MISSING_PARAMETER.finding(
             f"{missing_names} {'are' if several else 'is'} missing: {context.place(runner)} needs "
-            f"{'them' if several else 'it'}, and no such value can arrive",
+            f"{'them' if several else 'it'}, and no other step can supply "
+            f"{'them' if several else 'it'}",
             context.plan.location(runner),
             hint="write " + listed([f'{name}="…"' for name in names], most=_SHOWN),
         )
@@ -194,8 +195,8 @@ MISSING_PARAMETER = Rule(
     severity=Severity.ERROR,
     summary="A runner lacks a parameter that it needs, and nothing can supply it.",
     why=(
-        "The parameter has no default, the plan writes none, and the step before hands over no "
-        "value of this name. The runner fails, or works with whatever it happens to find."
+        "The parameter has no default, the plan does not set it, and the step before outputs "
+        "no value of this name. The runner fails, or works with an arbitrary value."
     ),
     fix="write the parameter",
     bad=plan(go(2.0, -0.5), wait(5.0).replace(' seconds="5.0"', "")),
@@ -209,9 +210,9 @@ _FALSE = frozenset({"false", "0", "no", "off", "n", "f"})
 _WITH_UNIT = pattern(r"\s*([+-]?[0-9]+(?:[.,][0-9]+)?)\s*[a-zA-Z°%]{0,10}\s*")
 _MAX_NUMBER = 40
 _WANTED = {
-    ValueType.BOOL: "neither true nor false",
-    ValueType.INT: "not an integer",
-    ValueType.DOUBLE: "not a finite number",
+    ValueType.BOOL: "true or false",
+    ValueType.INT: "an integer",
+    ValueType.DOUBLE: "a finite number",
 }
 
 
@@ -223,8 +224,8 @@ def _find_mistyped_parameter(context: Context) -> Iterator[Finding]:
             continue
         runner = context.runner(number)
         yield MISTYPED_PARAMETER.finding(
-            f"{written(attribute)} is {_WANTED[wanted]}, and {short(runner.interface)} takes "
-            "nothing else there",
+            f"{short(runner.interface)} expects {clip(attribute.name, 40)} to be "
+            f'{_WANTED[wanted]}, not "{clip(attribute.text, 40)}"',
             context.plan.location(runner, attribute),
             hint=_mistyped_parameter_hint(attribute, wanted),
             length=len(attribute.name),
@@ -266,13 +267,13 @@ MISTYPED_PARAMETER = Rule(
     code="GP205",
     name="mistyped-parameter",
     severity=Severity.ERROR,
-    summary="The value of a parameter is not of the type that its provider expects.",
+    summary="The value of a parameter has the wrong type.",
     why=(
-        "Attributes are read as Boolean (exactly true or false), as integer, as floating-point "
-        "number, or else as text. A runner that finds another type than it expects may take its "
-        "whole process down."
+        "Attributes are read as a Boolean (exactly true or false), an integer, a floating-point "
+        "number, or else as text. A runner that receives another type than it expects may crash "
+        "its whole process."
     ),
-    fix="write a value of the type that the capability file says",
+    fix="write a value of the type that the capability file declares",
     bad=plan(go(2.0, -0.5).replace('"2.0"', '"2.0 m"')),
     good=plan(go(2.0, -0.5)),
     find=_find_mistyped_parameter,
@@ -291,7 +292,7 @@ def _find_parameter_out_of_range(context: Context) -> Iterator[Finding]:
         runner = context.runner(number)
         allowed = bounds or either([quoted(choice) for choice in parameter.choices])
         yield PARAMETER_OUT_OF_RANGE.finding(
-            f"{written(attribute)} is not allowed: {short(runner.interface)} takes {allowed} there",
+            f"{written(attribute)} is not allowed: {short(runner.interface)} accepts {allowed}",
             context.plan.location(runner, attribute),
             hint="" if bounds else _parameter_out_of_range_hint(attribute, parameter),
             length=len(attribute.name),
@@ -316,10 +317,11 @@ def _unbounded_arrivals(context: Context) -> Iterator[Finding]:
             runner, giver = context.runner(number), context.runner(context.values.source[number])
             yield PARAMETER_OUT_OF_RANGE.finding(
                 f"{context.place(runner)} takes {quoted(parameter.name)} from "
-                f"{context.place(giver)}, and nothing says that it is {_span(*spans)}",
+                f"{context.place(giver)}, and nothing keeps the value within its bounds "
+                f"({_span(*spans)})",
                 context.plan.location(runner),
-                hint="put a step that gives no such value between the two, and write the value",
-                related=(context.related(giver, f"gives {quoted(parameter.name)}"),),
+                hint="put a step that outputs no such value between the two, and write the value",
+                related=(context.related(giver, f"outputs {quoted(parameter.name)}"),),
             )
 
 
@@ -337,9 +339,9 @@ def _outside_of_map(context: Context) -> Iterator[Finding]:
         if not inside((float(x.value), float(y.value)), robot.corners):
             runner = context.runner(number)
             yield PARAMETER_OUT_OF_RANGE.finding(
-                f"{written(x)} {written(y)} is not on the map of the robot {quoted(robot.name)}",
+                f"{written(x)} {written(y)} is outside the map of the robot {quoted(robot.name)}",
                 context.plan.location(runner, x),
-                hint="write a place inside of the corners that the profile of the robot lists",
+                hint="choose a place inside the corners that the robot's profile lists",
                 length=len(x.name),
             )
 
@@ -397,12 +399,12 @@ PARAMETER_OUT_OF_RANGE = Rule(
     code="GP206",
     name="parameter-out-of-range",
     severity=Severity.ERROR,
-    summary="The value of a parameter lies outside of what its provider allows.",
+    summary="The value of a parameter is outside the range that its provider allows.",
     why=(
-        "The capability file says which values there are. With another one the runner fails, or "
-        "does something that nobody has thought of."
+        "The capability file declares which values are valid. With any other value the runner "
+        "fails or behaves unpredictably."
     ),
-    fix="write a value that is allowed",
+    fix="write an allowed value",
     bad=plan(wait(-5.0)),
     good=plan(wait(5.0)),
     find=_find_parameter_out_of_range,
@@ -476,9 +478,9 @@ def _unfilled_placeholder_finding(
     who, what = short(runner.interface) or "the runner", clip(attribute.name, 40)
     text = quoted(named.text)
     if named.certain:
-        message = f"nothing ever fills the placeholder {text}: {who} uses {what} as it is written"
+        message = f"the placeholder {text} is never filled in: {who} takes '{what}' literally"
     else:
-        message = f"{text} in {what} looks like a placeholder, and nothing ever fills one"
+        message = f"{text} in '{what}' looks like a placeholder, but is never filled in"
     hint = unless = ""
     severity = Severity.ERROR if named.certain else Severity.WARNING
     confidence = Confidence.PROVED if named.certain else Confidence.HEURISTIC
@@ -500,15 +502,15 @@ def _unfilled_placeholder_finding(
             severity, confidence = Severity.INFO, Confidence.PROVED
             source = context.place(context.runner(replaced.source))
             message = (
-                f"the placeholder {text} in {what} is harmless here, because the value that comes "
-                f"from {source} replaces it"
+                f"the placeholder {text} in '{what}' is harmless, because a value from {source} "
+                "always replaces it"
             )
-            hint = f"leave {what} out: it is the name alone that makes the value arrive"
+            hint = f"remove '{what}': the value arrives by its name alone"
         elif flow.must_arrive(number, name):
             return None  # GP401: what the plan writes does not count
         elif replaced is not None or flow.open(number):
             severity = Severity.WARNING
-            message += f", unless a value of the name {quoted(parameter.name)} arrives"
+            message += f", unless a value named {quoted(parameter.name)} arrives"
     location = context.plan.location(runner, attribute)
     finding = UNFILLED_PLACEHOLDER.finding(
         message,
@@ -526,8 +528,8 @@ def _unfilled_placeholder_hint(flow: _Flow, number: int, name: str) -> str:
     if not flow.may_arrive(number, name):
         return UNFILLED_PLACEHOLDER.fix
     return (
-        f"write the value itself; or put a step that gives {quoted(name)} right before this one: "
-        "a value arrives from there alone, and under the parameter's own name"
+        f"write the value itself, or put a step that outputs {quoted(name)} right before this one: "
+        "a value arrives only from there, and only under the parameter's own name"
     )
 
 
@@ -535,19 +537,19 @@ UNFILLED_PLACEHOLDER = Rule(
     code="GP207",
     name="unfilled-placeholder",
     severity=Severity.ERROR,
-    summary="An attribute holds a placeholder such as $name or {name}, which nothing ever fills.",
+    summary="An attribute contains a placeholder such as $name or {name}, which nothing fills in.",
     why=(
-        "Plans have no variables. A value goes from a step to the one right after it if both call "
-        "it by the same name, whatever the plan writes; it is never put into a text. So the robot "
-        "says 'dollar answer', or drives nowhere."
+        "Plans have no variables. A value passes from a step to the one right after it if both "
+        "use the same name, whatever the plan writes; it is never inserted into a text. So "
+        "the robot says 'dollar answer', or drives nowhere."
     ),
     fix="write the value itself",
     bad=plan(go(2.0, -0.5), say("$greeting")),
     good=plan(look("What do you see?"), say("").replace(' text=""', "")),
     severities=(
-        "error if the runner gets the placeholder as it is written; warning where the text may "
-        "mean something else, where no file describes the runner, or where a value may arrive in "
-        "its place; info if a value always arrives in its place"
+        "error if the runner receives the placeholder literally; warning if the text may mean "
+        "something else, if no file describes the runner, or if a value may arrive in its place; "
+        "info if a value always arrives in its place"
     ),
     find=_find_unfilled_placeholder,
 )

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.decisions.completion import give_up_claim
 from gpsfsm.analysis.on_engine import ending
 from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
-from gpsfsm.analysis.words import count, listed
+from gpsfsm.analysis.words import fewest_words, listed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.finding import Finding, Related, Severity
@@ -69,11 +69,11 @@ def find(context: Context) -> Iterator[Finding]:
     terms = context.terms
     if context.engine is not None and end.hangs:
         terms = Vocabulary.ENGINE.terms
-    message = f"{_counts(context, causes, terms)}; it takes {_failures(fewest)}"
+    message = f"{_counts(context, causes, terms)}; {fewest_words(fewest)}"
     if broken:
-        message += f", but --tolerate {tolerated} demands more"
+        message += f", but --tolerate {tolerated} requires more"
     if severity is Severity.ERROR:
-        hint = "this engine waits for ever then; gpsfsm port rewrites a plan for it"
+        hint = "rewrite the plan with gpsfsm port: this engine waits for ever after such a failure"
     else:
         hint = terms.tolerate_more if broken else terms.tolerate_hint
     elements = [context.runner(each.runner) for each in decisive]
@@ -141,29 +141,29 @@ def _lines(lines: Sequence[tuple[str, int]]) -> str:
     return f"line{'s' * (len(lines) > 1)} {listed(words, most=_MOST_LINES)}"
 
 
-def _failures(number: int | None) -> str:
-    return "an unknown number of failures" if number is None else count(number, "failure")
-
-
 RULE = Rule(
     code="GP302",
     name="dangling-failure",
     severity=Severity.INFO,
     summary="Failures that nothing handles end the plan.",
     why=(
-        "The machine is only partially specified: where a failure is connected to nothing, the "
-        "plan gives up, and a new one is generated. That is what the paper means by it, so it is "
-        "no defect. The finding says which failures these are and how many of them it takes. Who "
-        "needs more says so: with `--tolerate N` no N failures may end the plan, which is decided "
-        "exactly. A plan that breaks this has a warning here, and the gate rejects it."
+        "The machine is only partially specified: if nothing handles a failure, the plan "
+        "gives up, and a new one is generated. The paper intends this, so it is not a defect. "
+        "The finding shows which failures these are and how many are enough. To require "
+        "more, use `--tolerate N`: then no N failures may end the plan, which is decided "
+        "exactly. A plan that violates this gets a warning, and the gate rejects it."
     ),
-    fix="nothing, or put another way to the goal behind the runner that fails in the scenario",
+    fix=(
+        "nothing, or add a recovery that reaches the goal in another way after the runner that "
+        "fails in the scenario"
+    ),
     bad=plan(go(2.0, 0.5), say("I am here.")),
     good=plan(go(2.0, 0.5), control("recovery", say("I cannot get there."))),
     options=("--assume", "SpeechRunner never fails"),
     severities=(
-        "info; warning if no more failures than `--tolerate` says end the plan. With --engine the "
-        "plan hangs instead; error if the engine does not run it as the paper says besides"
+        "info; warning if as many failures as `--tolerate` allows, or fewer, end the plan. With "
+        "--engine the plan hangs instead; error if the engine also runs it differently from "
+        "the paper"
     ),
     spread=True,
     find=find,

@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.decisions.joins import deadlock_claim
 from gpsfsm.analysis.on_engine import Ending, ending
 from gpsfsm.analysis.rules.base import Rule, control, go, look, plan, say
+from gpsfsm.analysis.rules.names import either
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from gpsfsm.analysis.causes import Waiting
     from gpsfsm.analysis.context import Context
 
+_MOST_NAMES = 3
 _SEVERITIES = {
     "stuck": Severity.ERROR,
     "absorbed": Severity.INFO,
@@ -36,15 +38,15 @@ _CLOSINGS = {
 }
 _HINTS = {
     "stuck": (
-        "let the runner that may hang or not start fail after a time (gpsfsm run --timeout), and "
-        "give it a recovery"
+        "make the runner that may hang or not start fail after some time (gpsfsm run --timeout), "
+        "and give it a recovery"
     ),
     "give_up": (
         "give each of these units a recovery, put one after the parallel_all, or use "
         "parallel_any if one unit is enough"
     ),
-    "absorbed": "nothing to do, if the unit beside it is meant to be enough",
-    "escalated": "nothing to do, if the recovery is meant for that",
+    "absorbed": "nothing to do if the unit beside it is meant to be enough",
+    "escalated": "nothing to do if the recovery is meant for this",
 }
 
 
@@ -57,7 +59,7 @@ def find(context: Context) -> Iterator[Finding]:
 def _finding(context: Context, waiting: Waiting) -> Finding:
     effect = waiting.deadlock.effect
     element = context.plan.elements[context.automaton.blocks[waiting.deadlock.block].element]
-    names = listed([context.place(context.element_of(unit)) for unit in waiting.guilty])
+    places = [context.place(context.element_of(unit)) for unit in waiting.guilty]
     total = len(context.units.children[waiting.unit])
     related = [
         context.related(context.runner(number), "nothing handles its failure")
@@ -73,6 +75,7 @@ def _finding(context: Context, waiting: Waiting) -> Finding:
         Sentence(
             Statement.WAITS_FOR_EVER if effect == "stuck" else Statement.CANNOT_SUCCEED,
             arguments=(context.place(element),),
+            element=context.plan.path(element),
         ),
         _CLOSINGS[effect],
     )
@@ -80,7 +83,7 @@ def _finding(context: Context, waiting: Waiting) -> Finding:
         ending(context, scenario) if effect == "give_up" else Ending(_SEVERITIES[effect], scenario)
     )
     return RULE.finding(
-        f"{_message(effect, names, len(waiting.guilty), total)}{end.note}",
+        f"{_message(effect, places, total)}{end.note}",
         context.plan.location(element),
         severity=end.severity,
         hint=_HINTS[effect],
@@ -89,14 +92,15 @@ def _finding(context: Context, waiting: Waiting) -> Finding:
     )
 
 
-def _message(effect: str, names: str, guilty: int, total: int) -> str:
+def _message(effect: str, places: Sequence[str], total: int) -> str:
     """The units of a join that can keep it from its success, and what happens then."""
-    units = f"{guilty} of its {total} units"
+    units = f"{len(places)} of its {total} units"
     if effect == "stuck":
+        names = listed(places)
         what = f"waits for ever unless all its units succeed, and {units} may not ({names})"
     else:
-        which = names if guilty == 1 else f"one of {names}"
-        what = f"can never succeed once {which} fails ({units} can)"
+        which = either(places) if len(places) <= _MOST_NAMES else f"one of {listed(places)}"
+        what = f"can never succeed once {which} fails ({units} can fail)"
     return f"this parallel_all {what}; {_THEN[effect]}"
 
 
@@ -104,11 +108,12 @@ RULE = Rule(
     code="GP303",
     name="join-deadlock",
     severity=Severity.INFO,
-    summary="A parallel_all can never succeed, since one of its units has failed.",
+    summary="A parallel_all can never succeed, because one of its units has failed.",
     why=(
-        "A parallel_all goes on only when all its units have succeeded. Once one has failed, its "
-        "join waits in vain: what comes after it never runs, and the units that did succeed did so "
-        "for nothing. If the plan gives up then, that is a failure like any other (GP302)."
+        "A parallel_all continues only when all its units have succeeded. Once one has "
+        "failed, its join waits in vain: the steps after it never run, and the work of the "
+        "other units is wasted. If the plan then gives up, that is a failure like any other "
+        "(GP302)."
     ),
     fix="give each unit that can fail a recovery",
     bad=plan(control("parallel_all", go(2.0, 0.5), look("Is the door open?")), say("Done.")),
@@ -124,8 +129,7 @@ RULE = Rule(
     ),
     options=("--assume", "SpeechRunner never fails"),
     severities=(
-        "error if the plan is then stuck, also where an engine does something else than the paper "
-        "says; else info"
+        "error if the plan is then stuck, even if an engine deviates from the paper; else info"
     ),
     find=find,
 )

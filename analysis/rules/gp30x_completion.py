@@ -42,9 +42,9 @@ def _find_unreachable(context: Context) -> Iterator[Finding]:
 def _unreachable(context: Context, runners: list[int], cause: str) -> Finding:
     first, *others = map(context.runner, runners)
     trees = context.plan.vocabulary is Vocabulary.TREE
-    behind = f"; nor is what follows ({len(others)} more)" if others else ""
+    more = f" and {len(others)} more after it are" if others else " is"
     return UNREACHABLE.finding(
-        f"{context.place(first)} is never reached: {cause}{behind}",
+        f"{context.place(first)}{more} never reached: {cause}",
         context.plan.location(first),
         hint=UNREACHABLE.fix.replace("the runner", "the node") if trees else "",
         related=tuple(context.related(runner, "never reached") for runner in others),
@@ -57,8 +57,8 @@ UNREACHABLE = Rule(
     severity=Severity.ERROR,
     summary="No run of the plan triggers this runner.",
     why=(
-        "The plan says that the robot does something, but there is no scenario in which it does. "
-        "Under the options of the check something before it never succeeds."
+        "The plan contains this step, but the robot executes it in no scenario. Under the "
+        "options of the check, something before it never succeeds."
     ),
     fix="remove the runner, or change what comes before it so that it can succeed",
     bad=plan(go(9.0, 9.0), say("Delivered.")),
@@ -75,7 +75,7 @@ def _find_never_completes(context: Context) -> Iterator[Finding]:
         claim = Claim(absent=(context.automaton.complete,))
         yield NEVER_COMPLETES.finding(
             f"this {context.terms.whole} never completes, whatever happens: "
-            f"every run {context.terms.gives_up} or is stuck",
+            f"every run {context.terms.gives_up} or gets stuck",
             context.plan.location(0),
             scenario=context.scenario(NEVER_COMPLETES.code, claim, Statement.NOT_COMPLETED),
         )
@@ -89,7 +89,7 @@ NEVER_COMPLETES = Rule(
     why="A plan that cannot complete cannot do its task; dispatching it only wastes time.",
     fix=(
         "guard the runner that never succeeds in the scenario with a recovery, or drop the "
-        "assumption that says so"
+        "assumption that it never succeeds"
     ),
     bad=plan(look("Is somebody there?"), go(1.0, 1.0), say("Hello.")),
     good=plan(
@@ -103,8 +103,8 @@ NEVER_COMPLETES = Rule(
 
 
 _TREE_HINT = (
-    "see in the scenario what fails in any case: put a Fallback around it, or change the node that "
-    "lets nothing succeed, such as ForceFailure or Inverter"
+    "put a Fallback around the node that fails in the scenario, or change the node that prevents "
+    "every success, such as ForceFailure or Inverter"
 )
 
 
@@ -129,8 +129,8 @@ ALWAYS_GIVES_UP = Rule(
     severity=Severity.ERROR,
     summary="Every run of the plan gives up.",
     why=(
-        "Under the options of the check some unhandled failure is certain, so the plan never "
-        "completes and a new one has to be generated in any case."
+        "Under the options of the check, an unhandled failure is certain, so the plan never "
+        "completes and a new one always has to be generated."
     ),
     fix="add a recovery after the runner that must fail, or drop the assumption that makes it fail",
     bad=plan(go(9.0, 9.0), say("Delivered.")),
@@ -149,7 +149,7 @@ def _find_stuck(context: Context) -> Iterator[Finding]:
     claim = stuck_claim(tuple(context.automaton.blocks[block] for block in blocks))
     if blocks and not context.possible(claim):
         return
-    how = "is stuck in every scenario" if stuck is Frequency.ALWAYS else "can be stuck"
+    how = "gets stuck in every scenario" if stuck is Frequency.ALWAYS else "can get stuck"
     yield STUCK.finding(
         f"this {context.terms.whole} {how}: it neither completes nor {context.terms.gives_up}, "
         "and nothing more can happen",
@@ -164,12 +164,12 @@ STUCK = Rule(
     severity=Severity.ERROR,
     summary="Some run neither completes nor gives up.",
     why=(
-        "A stuck robot does nothing and says nothing. Without faults no plan can be stuck; with "
-        "runners that hang or do not start it can."
+        "A stuck robot does nothing and reports nothing. No plan can get stuck without faults; "
+        "it can if runners hang or do not start."
     ),
     fix=(
-        "let what hangs fail after a time: gpsfsm run --timeout, or a time limit in the runner "
-        "itself; then check without that fault"
+        "make whatever hangs fail after some time (gpsfsm run --timeout, or a time limit in the "
+        "runner itself), then check without that fault"
     ),
     bad=plan(go(1.0, 2.0), look("Is the shelf full?")),
     good=plan(go(1.0, 2.0), go(3.0, 2.0)),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.decisions.orphans import orphan_claim
 from gpsfsm.analysis.decisions.swallowed import Goals, swallowed_claim
 from gpsfsm.analysis.rules.base import Rule, control, go, machine, plan, runner
-from gpsfsm.analysis.words import listed
+from gpsfsm.analysis.words import count, listed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.plan import Kind
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Element
 
 _HINT_ALL = (
-    "let the recovery undo what is still going on, or run the units one after the other if the "
+    "let the recovery undo what is still running, or run the units one after the other if the "
     "robot must be at rest when the plan completes"
 )
 
@@ -80,11 +80,11 @@ _ORPHAN = Rule(
     severity=Severity.WARNING,
     summary="A runner can still be active when the plan completes.",
     why=(
-        "A parallel_any goes on as soon as one unit has succeeded, a guarded parallel_all as soon "
-        "as one has failed; nothing stops the others. The robot may still be driving when the "
-        "plan is reported as completed and the next one starts."
+        "A parallel_any continues as soon as one unit has succeeded, a guarded parallel_all "
+        "as soon as one has failed; nothing stops the others. The robot may still be driving "
+        "when the plan is reported as completed and the next one starts."
     ),
-    fix="use a recovery if the second unit is only the alternative, or parallel_all if both matter",
+    fix="use a recovery if the second unit is only an alternative, or parallel_all if both matter",
     bad=plan(control("parallel_any", go(1.0, 3.0), go(0.0, 2.0))),
     good=plan(go(1.0, 3.0), control("recovery", go(0.0, 2.0))),
     find=find,
@@ -102,8 +102,8 @@ def _find_single_unit(context: Context) -> Iterator[Finding]:
         element = context.plan.elements[units.elements[unit]]
         inside = context.place(context.element_of(units.children[unit][0]))
         yield _SINGLE_UNIT.finding(
-            f"nothing runs beside {inside}: this {element.control_type} has only this one unit, so "
-            "it does what a sequential does",
+            f"this {element.control_type} has only one unit, so nothing runs in parallel with "
+            f"{inside}",
             context.plan.location(element),
         )
 
@@ -112,13 +112,14 @@ _SINGLE_UNIT = Rule(
     code="GP317",
     name="single-unit-parallel",
     severity=Severity.INFO,
-    summary="A parallel control holds one unit only.",
+    summary="A parallel control has only one unit.",
     why=(
-        "One unit has nothing to run beside. What was meant may be a second unit that is missing, "
-        "a step with its recovery, which needs no control around it, or a sequential. Engines "
-        "treat parallel controls in ways of their own, so a plan is the safer without it."
+        "A single unit has nothing to run in parallel with, so the control behaves like a "
+        "sequential. Perhaps a second unit is missing, or the control was meant for a step with "
+        "its recovery, which needs none. Engines treat parallel controls in their own ways, so a "
+        "plan is safer without it."
     ),
-    fix='write type="sequential", leave the control out, or add the unit that is missing',
+    fix='write type="sequential", remove the control, or add the missing unit',
     bad=plan(control("parallel_any", go(1.0, 3.0)), go(0.0, 0.0)),
     good=plan(go(1.0, 3.0), go(0.0, 0.0)),
     find=_find_single_unit,
@@ -160,7 +161,7 @@ def _find_misplaced_recovery(context: Context) -> Iterator[Finding]:
             f"it, but it runs only after {before} has failed",
             context.plan.location(recovery),
             related=(
-                context.related(following, "the step that the name speaks of"),
+                context.related(following, "the step that it is named after"),
                 context.related(guarded, "the step whose failure it handles"),
             ),
         )
@@ -249,11 +250,11 @@ MISPLACED_RECOVERY = Rule(
     severity=Severity.WARNING,
     summary="A recovery is named after the step that follows it, not after the one it guards.",
     why=(
-        "A recovery handles the failure of the sibling right before it. Written before its step "
-        "instead of behind it, it runs when another step fails, and the step it was meant for is "
-        "left without one."
+        "A recovery handles the failure of the sibling right before it. If it is written "
+        "before its step instead of after it, it runs when another step fails, and its own "
+        "step is left without a recovery."
     ),
-    fix="put the recovery right behind the step that its name speaks of, or correct the name",
+    fix="put the recovery right after the step that it is named after, or correct its name",
     bad=plan(
         go(2.0, -0.5),
         control("recovery", go(0.0, 2.0), name="recover_if_1_3_unreachable"),
@@ -288,15 +289,18 @@ def find_swallowed(context: Context) -> Iterator[Finding]:
         steps = [] if scenario is None else _in_its_place(context, goal, scenario)
         others = [goals.first_element(each) for each in missed if each not in shown]
         alternatives = any(goals.achieves[unit] for unit in _alternatives(context, goal))
+        failed = context.place(element)
         if element.kind is Kind.RUNNER:
-            failed = "and all its alternatives fail" if alternatives else "fails"
+            failed += " and all its alternatives fail" if alternatives else " fails"
+        elif alternatives:
+            failed = f"neither {failed} nor its alternatives reach the goal"
         else:
-            failed = "does not reach its goal" + (", nor its alternatives" if alternatives else "")
+            failed += " does not reach its goal"
         verb = "succeeds" if len(steps) == 1 else "succeed"
         instead = f": only {listed(list(map(context.place, steps)))} {verb} then" if steps else ""
-        more = f"; so it is with {len(others)} more goals" if others else ""
+        more = f"; the same holds for {count(len(others), 'more goal')}" if others else ""
         yield _SWALLOWED.finding(
-            f"the plan completes even if {context.place(element)} {failed}{instead}{more}",
+            f"the plan completes even if {failed}{instead}{more}",
             context.plan.location(element),
             hint=_HINT_SWALLOWED.format(_these(context, steps)),
             related=(
@@ -311,8 +315,8 @@ def find_swallowed(context: Context) -> Iterator[Finding]:
 
 
 _HINT_SWALLOWED = (
-    "remove {}, so that the plan gives up and a new one can be made, or put another way to reach "
-    "the goal in its place"
+    "remove {} so that the plan gives up and a new one can be generated, or replace it with "
+    "another way to reach the goal"
 )
 
 
@@ -365,15 +369,15 @@ _SWALLOWED = Rule(
     severity=Severity.WARNING,
     summary="The plan can complete although a goal and all its alternatives have failed.",
     why=(
-        "Completed is what is reported of such a run, and nobody makes a new plan. A recovery is "
-        "for another way to reach the goal; a step behind it that always succeeds, such as a "
-        "LogRunner, takes the failure away from those who could do something about it. What is a "
-        "goal is said by `achieves` in capability files: of the built-in library driving and "
-        "speaking are."
+        "Such a run is reported as completed, so no new plan is generated. A recovery should be "
+        "another way to reach the goal; a step that always succeeds, such as a "
+        "LogRunner, hides the failure from everything that could react to it. `achieves` in "
+        "capability files declares what counts as a goal: driving and speaking do in the built-in "
+        "library."
     ),
     fix=(
-        "remove the step that hides the failure, so that the plan gives up, or put another way to "
-        "reach the goal in its place"
+        "remove the step that hides the failure so that the plan gives up, or replace it with "
+        "another way to reach the goal"
     ),
     bad=plan(go(1.0, 3.0), control("recovery", go(0.0, 2.0), _LOG)),
     good=plan(go(1.0, 3.0), control("recovery", go(0.0, 2.0))),
@@ -389,13 +393,12 @@ RULES = (
         code="GP313",
         name="inescapable-loop",
         severity=Severity.ERROR,
-        summary="The machine can get into a loop that no outcomes lead out of.",
+        summary="The machine can enter a loop that no outcome leaves.",
         why=(
-            "From there on the robot repeats the same actions until somebody switches it off: "
-            "neither completion nor give-up nor a standstill can be reached any more, whatever "
-            "succeeds or fails."
+            "From then on the robot repeats the same actions until somebody switches it off: "
+            "whatever succeeds or fails, it can no longer complete, give up or stop."
         ),
-        fix="connect an event of the loop to what leads out of it, such as its success to complete",
+        fix="connect an event of the loop to a node outside it, such as a success to complete",
         bad=machine(
             "drive SUCCEEDED look",
             "look SUCCEEDED drive",
@@ -412,13 +415,12 @@ RULES = (
         severity=Severity.INFO,
         summary="The machine runs for ever if the same outcomes repeat.",
         why=(
-            "A loop that only a success leads out of goes on as long as there is none. That is "
-            "often what was wanted; a robot that tries without end may still not be. The scenario "
-            "shows the shortest loop."
+            "A loop that ends only with a success continues until there is one. That is often "
+            "intended, but endless attempts may not be. The scenario shows the shortest loop."
         ),
         fix=(
-            "nothing, if that is intended; else write one runner for each attempt, so that they "
-            "are counted"
+            "nothing if that is intended; otherwise write one runner per attempt, so that the "
+            "number of attempts is limited"
         ),
         bad=machine("drive SUCCEEDED end", "drive FAILED drive"),
         good=machine("drive SUCCEEDED end", "drive FAILED lost"),

@@ -34,7 +34,7 @@ def _find_recovery_without_predecessor(context: Context) -> Iterator[Finding]:
         names = listed([context.place(context.runner(number)) for number in runners])
         verb = "runs" if len(runners) == 1 else "run"
         yield RECOVERY_WITHOUT_PREDECESSOR.finding(
-            f"this recovery has nothing before it to recover from, so {names} never {verb}{end}",
+            f"this recovery has no step before it to recover from, so {names} never {verb}{end}",
             context.plan.location(element),
             related=tuple(
                 context.related(context.runner(number), "never runs") for number in runners
@@ -46,11 +46,11 @@ RECOVERY_WITHOUT_PREDECESSOR = Rule(
     code="GP307",
     name="recovery-without-predecessor",
     severity=Severity.ERROR,
-    summary="A recovery comes first in its control, so it has nothing to recover from.",
+    summary="A recovery comes first in its control, so it has no step to recover from.",
     why=(
-        "A recovery runs when the sibling right before it fails. Without one it never runs, and "
-        "the plan goes on as if it were not there. Models write this when they take a recovery "
-        "for a list of alternatives of which the first is the goal."
+        "A recovery runs when the sibling right before it fails. Without that sibling it never "
+        "runs, and the plan continues as if it were not there. Models write this when they "
+        "mistake a recovery for a list of alternatives that begins with the goal."
     ),
     fix="put the goal before the recovery, and only the alternatives inside it",
     bad=plan(control("recovery", go(1.0, 3.0), go(0.0, 2.0)), go(0.0, 0.0)),
@@ -76,8 +76,9 @@ def _find_needless_recovery(context: Context) -> Iterator[Finding]:
         before = context.place(context.element_of(siblings[position - 1]))
         assumed = " under the assumptions" if context.options.assumptions else ""
         names = listed([context.place(context.runner(number)) for number in runners])
+        verb = "runs" if len(runners) == 1 else "run"
         yield NEEDLESS_RECOVERY.finding(
-            f"{before} cannot fail{assumed}, so this recovery never needs {names}",
+            f"{before} cannot fail{assumed}, so {names} in this recovery never {verb}",
             context.plan.location(units.elements[parent]),
             related=tuple(
                 context.related(context.runner(number), "never runs") for number in runners
@@ -94,7 +95,7 @@ NEEDLESS_RECOVERY = Rule(
         "Its steps never run. Often the recovery was meant for another step, which is then left "
         "without one."
     ),
-    fix="remove the steps that never run, or move them behind the step that can fail",
+    fix="remove the steps that never run, or move them after a step that can fail",
     bad=plan(say("I am leaving."), control("recovery", say("Mind the robot.")), go(1.0, 1.0)),
     good=plan(say("I am leaving."), go(1.0, 1.0), control("recovery", say("The way is blocked."))),
     options=("--assume", "SpeechRunner never fails"),
@@ -119,13 +120,13 @@ def _find_recovery_repeats_action(context: Context) -> Iterator[Finding]:
 
 def _repeats_action_finding(context: Context, runner: Element, before: Element) -> Finding:
     consistent = context.options.consistent
-    again = ": it fails again, for equal actions have equal outcomes" if consistent else ""
+    again = " and fails again, because equal actions have equal outcomes" if consistent else ""
     return RECOVERY_REPEATS_ACTION.finding(
-        f"{context.place(runner)} repeats the action that has failed at {before.where}{again}",
+        f"{context.place(runner)} repeats the action that failed at {before.where}{again}",
         context.plan.location(runner),
         severity=Severity.WARNING if consistent else Severity.INFO,
         hint="try another action" if consistent else "",
-        related=(context.related(before, "the earlier try"),),
+        related=(context.related(before, "the first attempt"),),
     )
 
 
@@ -144,15 +145,15 @@ RECOVERY_REPEATS_ACTION = Rule(
     code="GP309",
     name="recovery-repeats-action",
     severity=Severity.INFO,
-    summary="A recovery does again what has just failed.",
+    summary="A recovery repeats the action that has just failed.",
     why=(
-        "A second try can be right, for a crowded corridor for instance. Where the world does not "
-        "change meanwhile it fails again."
+        "A second attempt can make sense, for example in a crowded corridor. If the world does "
+        "not change in between, it fails again."
     ),
-    fix="try another action, or keep it if a second try makes sense",
+    fix="try another action, or keep this one if a second attempt makes sense",
     bad=plan(go(1.0, 3.0), control("recovery", go(1, 3)), go(0.0, 0.0)),
     good=plan(go(1.0, 3.0), control("recovery", go(1.0, 2.0)), go(0.0, 0.0)),
-    severities="warning under --consistent, where the repetition is proven to be useless",
+    severities="info; warning under --consistent, where the repetition is proved to be useless",
     find=_find_recovery_repeats_action,
 )
 
@@ -181,8 +182,8 @@ def _find_recovery_holds_goal(context: Context) -> Iterator[Finding]:
         )
         if sign and context.reached[first] and goal.action != before.action:
             yield RECOVERY_HOLDS_GOAL.finding(
-                f"{context.place(goal)} only runs after {context.place(before)} has failed, but "
-                f"it looks like a goal of its own: {sign}",
+                f"{context.place(goal)} runs only after {context.place(before)} has failed, but "
+                f"looks like a goal of its own: {sign}",
                 context.plan.location(goal),
                 related=(context.related(before, "must fail first"),),
             )
@@ -216,7 +217,7 @@ def _in_a_row(context: Context, guard: int) -> str:
             outer = other if inner == guard else guard
             nested = units.children[outer][0] == inner
             if nested and len(units.children[other]) > 2:
-                return "another recovery with several steps stands right beside this one"
+                return "another recovery with several steps is right next to this one"
     return ""
 
 
@@ -226,7 +227,7 @@ def _orphaned_list(context: Context) -> str:
     for unit, kind in enumerate(units.kinds):
         if kind is UnitKind.DEAD and len(units.children[unit]) > 1:
             where = context.plan.elements[units.elements[unit]].where
-            return f"the recovery at {where} lists a goal and its alternative in the same way"
+            return f"the recovery at {where} also lists a goal and its alternative"
     return ""
 
 
@@ -234,15 +235,16 @@ RECOVERY_HOLDS_GOAL = Rule(
     code="GP310",
     name="recovery-holds-goal",
     severity=Severity.WARNING,
-    summary="A recovery seems to hold a goal together with its alternative.",
+    summary="A recovery seems to contain a goal together with its alternative.",
     why=(
-        "Models take a recovery for a fallback that tries its children in order, goal first. It "
-        "is not: it runs only after the sibling before it has failed, so in the normal run the "
-        "goal is skipped in silence. The rule speaks only where the plan itself gives a sign: the "
-        "recovery is named after its first step, stands beside another recovery with several "
-        "steps, or shares the plan with one that guards nothing."
+        "Models mistake a recovery for a fallback that tries its children in order, goal "
+        "first. It is not: it runs only after the sibling before it has failed, so in a "
+        "normal run the goal is silently skipped. The rule reports this only if the plan "
+        "itself gives a sign: the recovery is named after its first step, is next to "
+        "another recovery with several steps, or is in the same plan as a recovery that guards "
+        "nothing."
     ),
-    fix="put the goal before the recovery, and only its alternatives inside",
+    fix="put the goal before the recovery, and only its alternatives inside it",
     bad=plan(
         go(2.0, -0.5),
         control("recovery", go(1.0, 3.0), go(0.0, 2.0), name="recovery_for_1_3"),
@@ -336,10 +338,10 @@ def _find_answered_questions(context: Context) -> Iterator[Finding]:
         ]
         more = f", or {either(others)} fails" if others else ""
         yield CONDITION_AS_RECOVERY.finding(
-            f"{context.place(runner)} succeeds whatever the answer is: this recovery runs only if "
-            f"no answer can be had at all{more}",
+            f"{context.place(runner)} succeeds whatever the answer is, so this recovery runs only "
+            f"if there is no answer at all{more}",
             context.plan.location(units.elements[guard]),
-            related=(context.related(runner, "succeeds, also if the answer is no"),),
+            related=(context.related(runner, "succeeds even if the answer is no"),),
             hint=_condition_hint(context),
         )
 
@@ -420,7 +422,7 @@ def _condition_hint(context: Context) -> str:
     if not checks:
         return CONDITION_AS_RECOVERY.fix
     name = checks[0].rpartition("/")[2]
-    return f"ask with a {name}, which fails if the answer is no, and put the recovery behind it"
+    return f"ask with a {name}, which fails if the answer is no, and put the recovery after it"
 
 
 def _last_step(context: Context, unit: int, *, alone: bool = False) -> int:
@@ -487,18 +489,18 @@ CONDITION_AS_RECOVERY = Rule(
     code="GP312",
     name="condition-as-recovery",
     severity=Severity.WARNING,
-    summary="A recovery stands where the plan seems to ask what a runner has answered.",
+    summary="A recovery is used as if it tested a runner's answer.",
     why=(
-        "A recovery runs if something has failed. A prompt that is put into the buffer never "
-        "fails, and an ImageAnalysisRunner that is asked whether somebody is there succeeds also "
-        "if nobody is. So the steps of the recovery do not run for the reason for which they were "
-        "written. A condition needs a runner that fails if the answer is no, such as CheckRunner. "
-        "The rule says nothing where a recovery seems to mean trouble with the camera: if it "
-        "looks again, or says that nothing can be seen."
+        "A recovery runs only after a failure. A buffered prompt never fails, and an "
+        "ImageAnalysisRunner that checks whether somebody is there succeeds even if nobody is. "
+        "So the steps of the recovery do not run in the case that they were written for. A "
+        "condition needs a runner that fails if the answer is no, such as CheckRunner. The rule "
+        "reports nothing if the recovery seems to handle camera problems: if it looks again, or "
+        "says that nothing can be seen."
     ),
     fix=(
-        "let the model decide: flush the prompt with a runner that asks for a plan, and set that "
-        "plan; or guard the step whose failure is meant"
+        "let the model decide (flush the prompt with a runner that asks for a plan, and set that "
+        "plan), or guard the step whose failure you mean"
     ),
     bad=plan(
         go(1.0, 2.0),

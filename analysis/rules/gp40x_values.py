@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Attribute
 
 
-_STEP = "put a step that gives it right before this one"
+_STEP = "put a step that outputs it right before this one"
 
 
 def _find_missing_input(context: Context) -> Iterator[Finding]:
@@ -43,9 +43,10 @@ def _find_missing_input(context: Context) -> Iterator[Finding]:
         always = missing[0].how == "always"
         runner = context.runner(number)
         what = listed([f"'{name}'" for name in names], most=4)
-        verb = f"gives {'it' if len(names) == 1 else 'them'}{'' if always else ' in every run'}"
+        it = "it" if len(names) == 1 else "them"
+        lacks = f"no step provides {it}" if always else f"not every run provides {it}"
         yield MISSING_INPUT.finding(
-            f"{context.place(runner)} needs {what}, and nothing {verb}: "
+            f"{context.place(runner)} needs {what}, but {lacks}: "
             f"{_reason(context, number, names[0])}",
             context.plan.location(runner),
             hint=_hint(context, number, names),
@@ -61,24 +62,24 @@ def _reason(context: Context, number: int, name: str) -> str:
     binding = context.bindings[number]
     assert binding is not None
     if not need.arriving:
-        return "only what the plan writes counts"
+        return "only the plan itself can set it"
     if name in binding.written and not need.literal:
-        return "what the plan writes does not count, it takes the value from the step before it"
+        return "it takes the value only from the step before it, not from the plan"
     if source < 0:
         return why_nothing_arrives(context, number)
     arriving = values.arriving[number] or {}
     before = context.place(context.runner(source))
     if name in arriving:
-        return f"{before} gives it only sometimes"
+        return f"{before} outputs it only sometimes"
     outputs = listed([f"'{output}'" for output in arriving], most=3)
-    gives = f"gives {f'only {outputs}' if outputs else 'nothing'}"
+    gives = f"outputs {f'only {outputs}' if outputs else 'nothing'}"
     match _trigger(context, number):
         case Event.FAILED:
-            return f"it runs when {before} has failed, which {gives} then"
+            return f"it runs after {before} has failed, which {gives} in that case"
         case Event.STARTED:
-            return f"it runs as soon as {before} has started, which {gives} yet"
+            return f"it runs as soon as {before} has started, which {gives} at that point"
         case _:
-            return f"{before}, which comes right before it, {gives}"
+            return f"{before}, the step right before it, {gives}"
 
 
 def _trigger(context: Context, number: int) -> Event:
@@ -100,9 +101,9 @@ def _hint(context: Context, number: int, names: Sequence[str]) -> str:
     if all(need.literal for need in needs):
         return f"{write}, or {_STEP}" if all(need.arriving for need in needs) else write
     if not written:
-        return f"{_STEP}, with no control and no recovery between"
+        return f"{_STEP}, with no control or recovery in between"
     inputs = listed([f"'{need.name}'" for need in needs if not need.literal], most=3)
-    return f"{write}, and put a step that gives {inputs} right before this one"
+    return f"{write}, and put a step that outputs {inputs} right before this one"
 
 
 def _producers(context: Context, number: int, name: str) -> Iterator[Related]:
@@ -111,7 +112,7 @@ def _producers(context: Context, number: int, name: str) -> Iterator[Related]:
     sources = [lost.source for lost in flow.lost if (lost.runner, lost.name) == (number, name)]
     for source in sources[-2:]:
         yield context.related(
-            context.runner(source), f"gives '{name}', but only to its direct successor"
+            context.runner(source), f"outputs '{name}', but only to its direct successor"
         )
 
 
@@ -119,13 +120,13 @@ MISSING_INPUT = Rule(
     code="GP401",
     name="missing-input",
     severity=Severity.ERROR,
-    summary="A runner needs a value, and in some run nothing gives it.",
+    summary="A runner needs a value that, in some run, no step provides.",
     why=(
-        "What a runner gives reaches its direct successor only. It gets lost at the end of a "
-        "parallel control, at the end of a step with a recovery, and at every step that does not "
-        "use it. The runner then works with nothing, or not at all."
+        "The output of a runner reaches only its direct successor. It is lost at the end of a "
+        "parallel control, at the end of a step with a recovery, and at every step that does "
+        "not use it. The runner then works without the value, or not at all."
     ),
-    fix="write the value in the plan, or put the step that gives it right before this one",
+    fix="write the value in the plan, or put the step that outputs it right before this one",
     bad=plan(hear(), go(1.0, 2.0), note()),
     good=plan(go(1.0, 2.0), hear(), note()),
     options=("--select", "GP401"),
@@ -155,11 +156,11 @@ def why_nothing_arrives(context: Context, number: int) -> str:
     for signal in automaton.inputs[automaton.runner_node(number)]:
         source = automaton.nodes[signal.node]
         if source.kind is NodeKind.START:
-            return "nothing comes before it that could hand over a value"
+            return "there is no step before it"
         if source.kind is NodeKind.JOIN:
             before = context.place(context.plan.elements[source.origin])
-            return f"no value gets past the end of {before}"
-    return "nothing hands over a value to it"
+            return f"no value passes the end of {before}"
+    return "no step passes a value to it"
 
 
 def _find_lost_value(context: Context) -> Iterator[Finding]:
@@ -177,12 +178,12 @@ def _find_lost_value(context: Context) -> Iterator[Finding]:
         source, event = _meant(context, number, name, attribute, lost)
         giver, taker = context.runner(source), context.runner(number)
         yield LOST_VALUE.finding(
-            f"'{clip(attribute.text, 60)}' is used as it is written: what "
-            f"{context.place(giver)} gives as '{name}' never gets here, because "
+            f"'{clip(attribute.text, 60)}' is taken literally: the output '{name}' of "
+            f"{context.place(giver)} does not reach this step, because "
             f"{_end(context, source, event, number)}",
             context.plan.location(taker, attribute),
             length=len(attribute.name),
-            related=(context.related(giver, f"gives '{name}'"),),
+            related=(context.related(giver, f"outputs '{name}'"),),
         )
 
 
@@ -208,30 +209,29 @@ def _end(context: Context, source: int, event: Event, number: int) -> str:
     """The reason why the value does not arrive."""
     if context.values.source[number] == source:
         if event is Event.FAILED:
-            return "it is only given on failure, and this step runs after a success"
-        return "it is only given on success, and this step runs after a failure"
+            return "it is output only on failure, and this step runs after a success"
+        return "it is output only on success, and this step runs after a failure"
     automaton = context.automaton
     for node in automaton.outputs.get(Signal(automaton.runner_node(source), event), ()):
         if automaton.nodes[node].kind is NodeKind.RUNNER:
             follower = context.place(context.runner(automaton.runner_number(node)))
-            return f"a value reaches the direct successor only, here {follower}"
+            return f"an output reaches only the direct successor, here {follower}"
         if automaton.nodes[node].kind is NodeKind.JOIN:
             control = context.place(context.plan.elements[automaton.nodes[node].origin])
-            return f"no value gets past the end of {control}"
-    return "a value reaches the direct successor only, and here no runner follows directly"
+            return f"no value passes the end of {control}"
+    return "an output reaches only the direct successor, and no runner directly follows here"
 
 
 LOST_VALUE = Rule(
     code="GP402",
     name="lost-value",
     severity=Severity.ERROR,
-    summary="A runner asks for a value that another one gives, and never gets it.",
+    summary="A runner needs a value that another one outputs, but never receives it.",
     why=(
-        "Values travel along one connection, to the direct successor, and under the same name. "
-        "There are no variables: what a placeholder asks for is not looked up anywhere, and the "
-        "placeholder itself is used as it stands."
+        "Values travel along one connection, to the direct successor, under the same name. "
+        "There are no variables: a placeholder is not looked up anywhere, but taken literally."
     ),
-    fix="put the runner that needs the value right behind the one that gives it",
+    fix="put the runner that needs the value right after the one that outputs it",
     bad=plan(phrase("Greet the guest.", flush="true", uuid="guest"), go(0.0, 0.0), say("$text")),
     good=plan(go(0.0, 0.0), phrase("Greet the guest.", flush="true", uuid="guest"), say("$text")),
     find=_find_lost_value,
@@ -253,17 +253,13 @@ def _find_overwritten_literal(context: Context) -> Iterator[Finding]:
         attribute = _attribute(context, overwritten[0])
         names = listed([f"'{literal.name}'" for literal in overwritten], most=7)
         several = len(overwritten) > 1
-        verb = "is always" if how == "always" else "is sometimes"
-        gives = (
-            "gives values of these names, and those count"
-            if several
-            else ("gives a value of that name, and that one counts")
-        )
+        verb = f"{'are' if several else 'is'} {how}"
         yield OVERWRITTEN_LITERAL.finding(
-            f"what the plan writes for {names} {verb} replaced: {context.place(source)} {gives}",
+            f"the value{'s' * several} written for {names} {verb} replaced by the "
+            f"output{'s' * several} of {context.place(source)}",
             context.plan.location(runner, attribute),
             length=len(attribute.name),
-            related=(context.related(source, f"gives {names}"),),
+            related=(context.related(source, f"outputs {names}"),),
             scenario=context.triggering(OVERWRITTEN_LITERAL.code, number),
             unless=unless,
         )
@@ -279,15 +275,15 @@ OVERWRITTEN_LITERAL = Rule(
     code="GP403",
     name="overwritten-literal",
     severity=Severity.WARNING,
-    summary="A value that arrives replaces what the plan writes.",
+    summary="An incoming value replaces the one written in the plan.",
     why=(
-        "What arrives from the step before counts more than the attribute of the same name. An "
-        "instruction that is written there never reaches the runner, and a robot that is sent "
-        "somewhere may go where it already is."
+        "A value from the step before takes precedence over the attribute of the same name. "
+        "An instruction written there never reaches the runner, and a robot may be sent to "
+        "where it already is."
     ),
     fix=(
-        "remove the attribute if the value that arrives is the right one; else put a step that "
-        "gives no such value between the two"
+        "remove the attribute if the incoming value is the right one; otherwise put a step that "
+        "outputs no such value between the two"
     ),
     bad=plan(look("Who is there?"), note(text="Summarise what the robot sees.", uuid="scene")),
     good=plan(look("Who is there?"), note(uuid="scene")),
@@ -321,12 +317,13 @@ def _find_unused_output(context: Context) -> Iterator[Finding]:
     for (_, unread), numbers in groups.items():
         first, *others = (context.runner(number) for number in numbers)
         names = listed([f"'{name}'" for name in unread])
+        what = "output" if len(unread) == 1 else "outputs"
         more = f" ({len(others)} more like this)" if others else ""
         yield UNUSED_OUTPUT.finding(
-            f"nothing uses what {context.place(first)} gives: {names}{more}",
+            f"nothing uses the {what} of {context.place(first)}: {names}{more}",
             context.plan.location(first),
             related=tuple(
-                context.related(other, "nor what this one gives") for other in others[:_MAX_RELATED]
+                context.related(other, "nor that of this runner") for other in others[:_MAX_RELATED]
             ),
         )
 
@@ -335,12 +332,12 @@ UNUSED_OUTPUT = Rule(
     code="GP404",
     name="unused-output",
     severity=Severity.INFO,
-    summary="Nothing uses what a runner gives.",
+    summary="Nothing uses the output of a runner.",
     why=(
-        "A value reaches the direct successor only. If that one does not read it, the runner "
+        "A value reaches only the direct successor. If that step does not read it, the runner "
         "looked, listened or asked for nothing."
     ),
-    fix="put a runner that uses the value right behind it; nothing, if only its success matters",
+    fix="put a runner that uses the value right after it; nothing if only its success matters",
     bad=plan(hear()),
     good=plan(hear(), note(uuid="guest")),
     options=("--select", "GP404"),
@@ -354,10 +351,10 @@ def _find_mismatched_value(context: Context) -> Iterator[Finding]:
     for value in flow.mismatched:
         taker, giver = context.runner(value.runner), context.runner(value.source)
         yield MISMATCHED_VALUE.finding(
-            f"{context.place(taker)} expects '{value.name}' as {value.wanted}, and "
-            f"{context.place(giver)} gives it as {value.arriving}",
+            f"{context.place(taker)} expects '{value.name}' of type {value.wanted}, but "
+            f"{context.place(giver)} outputs it as {value.arriving}",
             context.plan.location(taker),
-            related=(context.related(giver, f"gives '{value.name}'"),),
+            related=(context.related(giver, f"outputs '{value.name}'"),),
             scenario=context.triggering(MISMATCHED_VALUE.code, value.runner),
         )
 
@@ -366,12 +363,13 @@ MISMATCHED_VALUE = Rule(
     code="GP405",
     name="mismatched-value",
     severity=Severity.ERROR,
-    summary="A value that arrives has the wrong type.",
+    summary="An incoming value has the wrong type.",
     why=(
-        "Names decide what a value is used for, types are not converted. A runner that gets text "
-        "where it expects a number fails, and takes the engine with it in the original stack."
+        "Names decide what a value is used for; types are not converted. A runner that "
+        "receives text where it expects a number fails, and in the original stack the engine "
+        "crashes with it."
     ),
-    fix="put a step between the two that gives no value of this name",
+    fix="put a step that outputs no value of this name between the two",
     bad="",  # no two runners of the built-in library disagree
     good=plan(locate(), tell_pose(flush="true")),
     find=_find_mismatched_value,

@@ -30,10 +30,10 @@ def _find_unflushed_prompt(context: Context) -> Iterator[Finding]:
 def _nameless(context: Context, concerned: Concerned) -> Finding:
     prompt = context.runner(concerned.runners[0])
     return UNFLUSHED_PROMPT.finding(
-        f"the model never gets the prompt of {context.place(prompt)}: without uuid and without "
-        "flush it waits in a buffer that nothing can flush",
+        f"the model never receives the prompt of {context.place(prompt)}: without a uuid and "
+        "without flush, it stays in a buffer that nothing can flush",
         context.plan.location(prompt),
-        hint='write flush="true" to send it, or the uuid of a prompt that is flushed later',
+        hint='set flush="true" to send it, or give it the uuid of a prompt that is flushed later',
         unless=concerned.unless,
     )
 
@@ -47,18 +47,19 @@ def _unflushed_prompt_finding(context: Context, concerned: Concerned) -> Finding
     name = buffer_name(uuid)
     if flushes:
         message = f"the plan can complete without sending the prompt of {names}"
-        reason = f"no flush of '{name}' comes after it in every run"
+        reason = f"not every run flushes the buffer '{name}' after it"
         claim = unflushed_claim(context.automaton, numbers[0], flushes)
         closing = Sentence(Statement.UNFLUSHED, arguments=(name,))
         scenario = context.scenario(UNFLUSHED_PROMPT.code, claim, closing)
         hint = (
-            f'put a prompt with flush="true" uuid="{name}" where every run gets to after this one'
+            f'put a prompt with flush="true" uuid="{name}" where every run reaches it after this '
+            "one"
         )
     else:
-        message = f"the model never gets the prompt of {names}"
+        message = f"the model never receives the prompt of {names}"
         reason = f"nothing flushes the buffer '{name}'"
         scenario = None
-        hint = f'write flush="true" uuid="{name}" at the last prompt that belongs to it'
+        hint = f'set flush="true" uuid="{name}" on the last prompt that belongs to it'
     return UNFLUSHED_PROMPT.finding(
         f"{message}: {reason}",
         context.plan.location(first),
@@ -73,13 +74,13 @@ UNFLUSHED_PROMPT = Rule(
     code="GP411",
     name="unflushed-prompt",
     severity=Severity.WARNING,
-    summary="A prompt is buffered, and in some run that completes it is never sent.",
+    summary="A prompt is buffered but, in some completing run, never sent.",
     why=(
-        "A prompt runner keeps its text in a buffer until a prompt with the same uuid and flush "
-        "set to true sends all of it. It reports success in any case, so nobody notices that the "
-        "model was never asked."
+        "A prompt runner keeps its text in a buffer until a prompt with the same uuid and "
+        "flush set to true sends the whole buffer. It always reports success, so nothing shows "
+        "that the model never received the prompt."
     ),
-    fix='write flush="true" at the last prompt that belongs together',
+    fix='set flush="true" on the last of the prompts that belong together',
     bad=plan(go(1.0, 2.0), look("Who is there?"), note(uuid="scene"), say("Thank you.")),
     good=plan(
         go(1.0, 2.0),
@@ -106,8 +107,8 @@ def _empty_flush_finding(context: Context, concerned: Concerned) -> Finding:
     scenario = None
     if fills:
         message = (
-            f"{place} can send the buffer '{name}' before anything is in it: "
-            "the model then gets this prompt alone"
+            f"{place} can send the buffer '{name}' while it is empty: "
+            "the model then receives only this prompt"
         )
         claim = empty_flush_claim(context.automaton, number, fills)
         closing = Sentence(Statement.EMPTY_FLUSH, arguments=(name,))
@@ -115,7 +116,7 @@ def _empty_flush_finding(context: Context, concerned: Concerned) -> Finding:
     else:
         message = (
             f"{place} sends the buffer '{name}', which this plan never fills: "
-            "the model gets this prompt alone"
+            "the model receives only this prompt"
         )
     return EMPTY_FLUSH.finding(
         message,
@@ -129,14 +130,14 @@ EMPTY_FLUSH = Rule(
     code="GP412",
     name="empty-flush",
     severity=Severity.WARNING,
-    summary="A prompt buffer is sent before anything was put into it.",
+    summary="A prompt buffer is sent while it is empty.",
     why=(
-        "The model gets the last prompt without what the robot has seen and heard, and answers "
-        "all the same."
+        "The model receives only the last prompt, without what the robot has seen and heard, "
+        "and answers anyway."
     ),
     fix=(
         "give the prompts that belong together the same uuid and put this one last; "
-        "leave out the uuid if it stands alone"
+        "remove the uuid if no other prompt belongs to it"
     ),
     bad=plan(
         go(1.0, 2.0),
@@ -161,9 +162,9 @@ def _find_mixed_buffers(context: Context) -> Iterator[Finding]:
         fills = [context.runner(number) for number in mixed.fills]
         buffers = listed([f"'{buffer_name(uuid)}'" for uuid in mixed.uuids])
         sent, wanted = buffer_name(mixed.uuid), buffer_name(mixed.uuids[0])
-        which = f"only the buffer '{sent}'" if sent else "no buffer: it has no uuid"
+        which = f"sends only the buffer '{sent}'" if sent else "has no uuid and sends no buffer"
         yield MIXED_BUFFERS.finding(
-            f"{context.place(flush)} sends {which}, but the prompts before it wait in {buffers}, "
+            f"{context.place(flush)} {which}, but the prompts before it wait in {buffers}, "
             "which nothing sends",
             context.plan.location(flush),
             hint=f'write uuid="{wanted}" here if these prompts belong together',
@@ -175,10 +176,10 @@ MIXED_BUFFERS = Rule(
     code="GP413",
     name="mixed-buffers",
     severity=Severity.WARNING,
-    summary="A prompt is sent while what seems to belong to it waits in another buffer.",
+    summary="A prompt is sent while a related one seems to wait in another buffer.",
     why=(
-        "Only prompts with the same uuid are sent together. The model answers without the rest, "
-        "and nobody notices."
+        "Only prompts with the same uuid are sent together. The model answers without the "
+        "rest, and nothing shows it."
     ),
     fix="give the prompts that belong together the same uuid",
     bad=plan(
@@ -206,12 +207,11 @@ def _find_empty_answer(context: Context) -> Iterator[Finding]:
         assert binding is not None
         prompt, taker = context.runner(answer.source), context.runner(answer.runner)
         if binding.provider.effects.sets_plan == answer.name:
-            effect = f"so {context.place(taker)} sets an empty plan, and nothing follows"
+            effect = f"so {context.place(taker)} sets an empty plan and nothing follows"
         else:
-            effect = f"so {context.place(taker)} gets an empty text as '{answer.name}'"
+            effect = f"so {context.place(taker)} receives an empty '{answer.name}'"
         yield EMPTY_ANSWER.finding(
-            f"{context.place(prompt)} only puts its prompt into a buffer, the model is not asked: "
-            f"{effect}",
+            f"{context.place(prompt)} only buffers its prompt and does not ask the model, {effect}",
             context.plan.location(prompt),
             related=(context.related(taker, "uses the empty answer"),),
             scenario=context.triggering(EMPTY_ANSWER.code, answer.runner),
@@ -224,11 +224,11 @@ EMPTY_ANSWER = Rule(
     severity=Severity.ERROR,
     summary="A runner uses the answer to a prompt that was only buffered.",
     why=(
-        "A prompt is sent only if flush is true. Until then its answer is the empty text, and the "
-        "runner reports success. A plan that leaves its next step to the model ends there: an "
-        "empty plan is refused, and the robot does nothing more."
+        "A prompt is sent only if flush is true. Until then its answer is the empty text, and "
+        "the runner reports success. A plan that leaves its next step to the model ends "
+        "there: the empty plan is rejected, and the robot does nothing more."
     ),
-    fix='write flush="true" at the prompt, and the uuid of the prompts that belong to it',
+    fix='set flush="true" on the prompt, with the uuid of the prompts that belong to it',
     bad=plan(go(1.0, 2.0), ask_plan("Continue the tour."), set_plan()),
     good=plan(go(1.0, 2.0), ask_plan("Continue the tour.", flush="true"), set_plan()),
     find=_find_empty_answer,

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 _MAX_NAME = 60
 _LEFT_ALL = (
-    "nothing stops the units beside one that has failed: give each unit a recovery of its own, or "
-    "let the recovery wait until the others are done"
+    "give each unit a recovery of its own, or let the recovery wait until the others are done: "
+    "nothing stops the units beside one that has failed"
 )
 _LEFT = (
-    "nothing stops the units that a parallel control leaves behind: use a recovery if the second "
-    "unit is only the alternative, or parallel_all if the plan has to wait for all"
+    "use a recovery if the second unit is only an alternative, or parallel_all if the plan has to "
+    "wait for all: nothing stops the units that a parallel control leaves behind"
 )
 
 
@@ -44,12 +44,12 @@ def _find_resource_overlap(context: Context) -> Iterator[Finding]:
         if inside:
             message = (
                 f"{context.place(first)} and {context.place(second)} can be active at the same "
-                f"time, and each needs the {resource} for itself"
+                f"time, but both need exclusive use of the {resource}"
             )
         else:
             message = (
                 f"{context.place(first)} can still be active when {context.place(second)} starts, "
-                f"and each needs the {resource} for itself"
+                f"but both need exclusive use of the {resource}"
             )
         yield RESOURCE_OVERLAP.finding(
             message,
@@ -60,8 +60,8 @@ def _find_resource_overlap(context: Context) -> Iterator[Finding]:
             if units.kinds[overlap.block] is UnitKind.ANY
             else _LEFT_ALL,
             related=(
-                context.related(first, f"holds the {resource}"),
-                context.related(second, f"holds the {resource}"),
+                context.related(first, f"uses the {resource}"),
+                context.related(second, f"uses the {resource}"),
             ),
             scenario=context.scenario(
                 RESOURCE_OVERLAP.code,
@@ -75,11 +75,11 @@ RESOURCE_OVERLAP = Rule(
     code="GP501",
     name="resource-overlap",
     severity=Severity.ERROR,
-    summary="Two runners can hold the same exclusive resource at the same time.",
+    summary="Two runners can use the same exclusive resource at the same time.",
     why=(
-        "A robot has one base, one speaker, one microphone. A second goal pushes the first one "
-        "aside, which then fails; two speeches at once are noise. Runners that a parallel_any "
-        "leaves behind count too: nothing stops them."
+        "A robot has one base, one speaker, one microphone. A second goal cancels the first "
+        "one, which then fails; two speeches at once are noise. Runners that a parallel_any "
+        "leaves active count too: nothing stops them."
     ),
     fix="run the two one after the other",
     bad=plan(control("parallel_all", go(1.0, 2.0), go(3.0, 4.0))),
@@ -99,16 +99,16 @@ def _find_deadline(context: Context) -> Iterator[Finding]:
         unit="s",
         name="deadline",
         beyond="longer than the deadline",
-        how="how long",
+        bound="maximum duration",
         hint=(
-            "give these runners a greatest duration in a capability file, or let them run beside a "
-            f"WaitRunner in a {terms.parallel_any} if the {terms.whole} may go on without them"
+            "declare a maximum duration for these runners in a capability file, or run them beside "
+            f"a WaitRunner in a {terms.parallel_any} if the {terms.whole} may continue without them"
         ),
         allowance=context.options.allowance_s * (1 + actions),
         reason=(
-            f"are allowed for what a real run of up to {actions:,} "
-            f"action{'' if actions == 1 else 's'} adds (a deadline holds for declared durations, "
-            "not for a loaded machine)"
+            f"for the overhead of a real run of up to {actions:,} "
+            f"action{'' if actions == 1 else 's'} (a deadline applies to declared durations, not "
+            "to a loaded machine)"
         ),
     )
     amounts = durations(context.compiled)
@@ -130,7 +130,7 @@ def _deadline_unknown(context: Context, amounts: Amounts | None, limit: Limit) -
     completion = context.answers["completion"]
     if completion is not None and completion[0] is completion[1] is Frequency.NEVER:
         this = f"this {context.terms.whole}"
-        return f"no run of {this} ends, so none keeps the deadline of {limit.said(limit.most)}"
+        return f"no run of {this} ends, so none meets the deadline of {limit.said(limit.most)}"
     unit_of = context.unit_of_runner
     if amounts is not None and any(context.reached[unit_of[n]] for n in amounts.declared):
         return ""  # z3 reached its limit, which is told as GP904
@@ -159,17 +159,16 @@ DEADLINE = Rule(
     code="GP502",
     name="deadline-exceeded",
     severity=Severity.ERROR,
-    summary="The plan can take longer than the deadline that was given.",
+    summary="The plan can exceed its deadline.",
     why=(
-        "With `--deadline` the plan has to complete or give up in time in every run. How long its "
-        "runners take is declared in capability files; whoever declares no greatest duration may "
-        "take as long as it likes. A run that is stuck never ends; it is told by GP306, not here, "
-        "unless no run ends at all. `gpsfsm check` takes the declared durations as they are; "
-        "`gpsfsm gate` adds ten milliseconds for the beginning of the run and for each action, "
-        "which a real run takes longer. A deadline holds for declared durations, not for a loaded "
-        "machine."
+        "With `--deadline` every run must complete or give up in time. Capability files "
+        "declare how long runners take; a runner without a declared maximum may take any "
+        "amount of time. GP306 reports runs that get stuck and never end; this rule does so only "
+        "if no run ends at all. `gpsfsm check` uses the declared durations as they are; `gpsfsm "
+        "gate` adds ten milliseconds for the start of the run and for each action, the overhead "
+        "of a real run. A deadline applies to declared durations, not to a loaded machine."
     ),
-    fix="shorten the plan, or allow for more time",
+    fix="shorten the plan, or allow more time",
     bad=plan(wait(40), control("parallel_all", wait(30), wait(20))),
     good=plan(wait(30), control("parallel_all", wait(30), wait(20))),
     options=("--deadline", "60"),
@@ -177,7 +176,7 @@ DEADLINE = Rule(
 )
 
 
-_HINT = "declare the greatest energy of these runners in a capability file (energy: {max: …})"
+_HINT = "declare the maximum energy of these runners in a capability file (energy: {max: …})"
 
 
 def _find_energy_limit(context: Context) -> Iterator[Finding]:
@@ -189,7 +188,7 @@ def _find_energy_limit(context: Context) -> Iterator[Finding]:
         unit="J",
         name="energy limit",
         beyond="more energy than the limit",
-        how="how much",
+        bound="maximum energy",
         hint=_HINT,
     )
     amounts = energies(context.compiled)
@@ -233,14 +232,14 @@ ENERGY_LIMIT = Rule(
     code="GP503",
     name="energy-exceeded",
     severity=Severity.ERROR,
-    summary="The plan can take more energy than the limit that was given.",
+    summary="The plan can exceed its energy limit.",
     why=(
-        "With `--energy-limit` every run has to make do with that much. All runners count that a "
-        "run triggers, also those that it leaves behind. How much they take is declared in "
-        "capability files; what declares nothing counts as taking nothing, but if no runner of "
-        "the plan declares anything, nothing is guaranteed."
+        "With `--energy-limit` no run may take more energy than that. All runners that a run "
+        "triggers count, including those that it leaves active. Capability files declare how "
+        "much they take; a runner without a declaration counts as zero, but if no runner of "
+        "the plan has one, nothing is guaranteed."
     ),
-    fix="leave steps out, or allow for more energy",
+    fix="remove steps, or allow more energy",
     bad=plan(wait(40)),
     good="<Plan/>\n",
     options=("--energy-limit", "100"),

@@ -19,7 +19,7 @@ RULES = (
         name="missing-step",
         severity=Severity.ERROR,
         summary="A step of the task is missing: no runner of the plan does it.",
-        why="The plan cannot do what it was asked to do, whatever happens.",
+        why="Whatever happens, the plan cannot do what the task requires.",
         fix="add a runner for the step, at its place in the order",
         bad=plan(*ROUNDS[:-1]),
         good=plan(*ROUNDS),
@@ -29,10 +29,11 @@ RULES = (
         code="GP602",
         name="extra-action",
         severity=Severity.ERROR,
-        summary="The plan does something that the task does not ask for.",
+        summary="The plan does something that the task does not contain.",
         why=(
-            "The robot goes where nobody sent it. What the task is silent about is refused, "
-            "unless it says 'others: allowed' or names the action below 'allow'."
+            "The robot does something that nobody requested. Actions that the task does not "
+            "mention are rejected unless the task declares 'others: allowed' or lists the action "
+            "under 'allow'."
         ),
         fix="remove the runner, or allow it in the task",
         bad=plan(*ROUNDS, go(0.0, 0.0)),
@@ -43,10 +44,10 @@ RULES = (
         code="GP603",
         name="repeated-action",
         severity=Severity.ERROR,
-        summary="The plan does again what it has done already.",
+        summary="The plan repeats something that it has already done.",
         why=(
-            "What was asked for once happens twice in some run: an alternative and its step, "
-            "or a step copied by mistake."
+            "Something that the task requires once happens twice in some run, for example an "
+            "alternative as well as its step, or a step that was copied by mistake."
         ),
         fix="remove one of the runners, or add a step to the task",
         bad=plan(*ROUNDS, go(4.0, 1.0)),
@@ -59,8 +60,8 @@ RULES = (
         severity=Severity.ERROR,
         summary="The plan does a step too early, or two steps at once.",
         why=(
-            "The task gives an order. In some run, or in some order of events beside each "
-            "other, the plan does not keep it."
+            "The task defines an order. In some run, or in some order of concurrent events, the "
+            "plan violates it."
         ),
         fix="put the runners into the order of the task, one after the other",
         bad=plan(
@@ -76,10 +77,10 @@ RULES = (
         code="GP605",
         name="skipped-alternative",
         severity=Severity.ERROR,
-        summary=("A step fails, and the plan does not try the alternative of the task."),
+        summary="A step fails, and the plan does not try the alternative of the task.",
         why=(
-            "The task says what to do when the step fails. The plan goes on without it, or "
-            "gives up though there was something left to try."
+            "The task says what to do when the step fails. The plan continues without it, or "
+            "gives up although an alternative was left."
         ),
         fix="guard the runner of the step with a recovery that holds the alternative",
         bad=plan(
@@ -95,13 +96,13 @@ RULES = (
         name="wrong-alternative",
         severity=Severity.ERROR,
         summary=(
-            "The plan tries another alternative than that of the task, or one that is not due."
+            "The plan tries an alternative that the task does not name, or at the wrong time."
         ),
         why=(
-            "When the step fails, something else is done than what was asked for; or the "
-            "alternative is done though the step has not failed."
+            "When the step fails, the plan does something other than the task requires; or it "
+            "tries the alternative although the step has not failed."
         ),
-        fix="put the alternative of the task, and nothing else, into the recovery of the step",
+        fix="put the task's alternative, and nothing else, into the recovery of the step",
         bad=plan(
             go(4.0, 1.0),
             go(6.5, 3.0),
@@ -115,12 +116,12 @@ RULES = (
         code="GP607",
         name="ends-too-early",
         severity=Severity.ERROR,
-        summary="The plan completes or gives up though a step is due, or completes without a step.",
+        summary="The plan ends while a step is still due, or completes without a step.",
         why=(
-            "The robot stops in the middle of its task, or reports a failure where everything is "
-            "done, or success where a step and all its alternatives have failed."
+            "The robot stops in the middle of its task, reports a failure although everything is "
+            "done, or reports success although a step and all its alternatives have failed."
         ),
-        fix="let the plan go on to the next step",
+        fix="let the plan continue with the next step",
         bad=plan(
             control(
                 "parallel_any",
@@ -149,10 +150,10 @@ RULES = (
         code="GP609",
         name="example-returned",
         severity=Severity.ERROR,
-        summary="The plan does what an example of the prompt does.",
+        summary="The plan does the same as an example from the prompt.",
         why=(
-            "A language model that repeats the example it was shown has not answered. The "
-            "task names such plans below 'not_answers'; behaviour is compared, not text."
+            "A language model that repeats the example from its prompt has not solved the task. "
+            "The task lists such plans under 'not_answers'; behaviour is compared, not text."
         ),
         fix="ask again for a plan for this task",
         bad=plan(go(9.0, 9.0), say("I am here.")),
@@ -163,12 +164,12 @@ RULES = (
         code="GP610",
         name="misused-node",
         severity=Severity.ERROR,
-        summary="A behaviour tree has a node of the task in another form.",
+        summary="A behaviour tree writes a node in another form than the task.",
         why=(
-            "The task says below 'nodes' how its nodes are written. With 'form: compact' an engine "
-            "in which they are registered otherwise is not what was asked for."
+            "The task defines under 'nodes' how its nodes are written. With "
+            "'form: compact', `<Speak …/>` is correct and `<Action ID=\"Speak\" …/>` is an error."
         ),
-        fix="write the node as the task has it",
+        fix="write the node as the task does",
         bad=_TREE.format('<Action ID="MoveTo" location="StationA"/>'),
         good=_TREE.format('<MoveTo location="StationA"/>'),
         options=("--task", "experiments/navigation/task1.yaml"),

@@ -16,12 +16,12 @@ RULES = (
         severity=Severity.ERROR,
         summary="The engine does not accept the text of the plan.",
         why=(
-            "The engines read plans with a parser and a check of their own. What they refuse is "
-            "never run: the plan gets no identifier, or it stands as failed in the list. Behind "
-            "'it says' stands the message that the engine itself gives. fabric-v3 also refuses "
-            "plans whose runners lack a required input."
+            "The engines read plans with their own parser and check. A plan that they reject "
+            "never runs: it gets no identifier, or it is listed as failed. The engine's own "
+            "message follows 'engine message'. fabric-v3 also rejects plans whose runners lack a "
+            "required input."
         ),
-        fix="let gpsfsm port rewrite the plan for the engine, or change what the message names",
+        fix="rewrite the plan for the engine with gpsfsm port, or change what the message names",
         bad=plan(go(1.0, 2.0)) + "That is all.\n",
         good=plan(go(1.0, 2.0)),
         options=("--engine", "fabric-v2"),
@@ -30,12 +30,12 @@ RULES = (
         code="GP702",
         name="crashes-engine",
         severity=Severity.ERROR,
-        summary="The engine dies while it reads the plan.",
+        summary="The engine crashes while it reads the plan.",
         why=(
-            "Some texts lead the engine's server to read what is not there. The whole process "
-            "ends, and with it all plans that wait in its queue."
+            "Some texts make the engine's server read data that does not exist. The whole process "
+            "ends, and with it all plans in its queue."
         ),
-        fix="let gpsfsm port rewrite the plan for the engine, or change what the message names",
+        fix="rewrite the plan for the engine with gpsfsm port, or change what the message names",
         bad=plan(go(1.0, 2.0), control("sequential", "<!-- nothing to do -->")),
         good=plan(go(1.0, 2.0)),
         options=("--engine", "fabric-v2"),
@@ -44,17 +44,16 @@ RULES = (
         code="GP703",
         name="differs-on-engine",
         severity=Severity.ERROR,
-        summary="The plan does something else on this engine than the paper says.",
+        summary="The plan behaves differently on this engine than in the paper.",
         why=(
             "The published engines do not connect controls as the paper draws them, and they have "
-            "no give-up. What was checked, simulated and agreed on is then not what the robot "
-            "does. The scenario is the first in which the difference can be seen; that a plan "
-            "hangs where it should give up is no difference of its own, since the engine knows no "
-            "other way."
+            "no give-up. The robot then does not do what was checked, simulated and agreed on. "
+            "The scenario is the first in which the difference shows. A plan that hangs where it "
+            "should give up does not count as a difference, because the engine cannot give up."
         ),
         fix=(
-            "on these engines, let runners follow each other, each with at most one recovery of "
-            "runners right behind it; gpsfsm port rewrites the plan so"
+            "rewrite the plan with gpsfsm port; on these engines, use only runners in sequence, "
+            "each with at most one recovery of runners right after it"
         ),
         bad=plan(go(1.0, 2.0), control("parallel_all", look("Is the door open?"), say("Hello."))),
         good=plan(go(1.0, 2.0), control("recovery", go(0.0, 2.0)), say("Hello.")),

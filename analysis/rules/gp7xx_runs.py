@@ -49,13 +49,13 @@ def _aborts_engine_finding(engine: OnEngine, join: int) -> Finding:
     early = join in context.automaton.deadly
     if join in context.automaton.traits.looping:
         what = (
-            f"{engine.name} dies when {context.place(control)} is done: its join is connected to "
-            "itself, because another control follows right behind it"
+            f"{engine.name} crashes when {context.place(control)} is done: its join is connected "
+            "to itself, because another control follows directly"
         )
         closing = Statement.JOIN_LOOPS
     else:
         what = (
-            f"{engine.name} dies when a second success arrives at the join of "
+            f"{engine.name} crashes when a second success arrives at the join of "
             f"{context.place(control)}"
         )
         what += "" if early else ", after the plan has completed"
@@ -73,15 +73,15 @@ ABORTS_ENGINE = Rule(
     code="GP704",
     name="aborts-engine",
     severity=Severity.ERROR,
-    summary="The engine dies while it runs the plan.",
+    summary="The engine crashes while it runs the plan.",
     why=(
-        "A join of these engines starts a thread for each input and does not wait for the one "
-        "before: the second input ends the process of the server. Robots keep their last command, "
+        "A join of these engines starts a thread for each input and does not wait for the "
+        "previous one: the second input ends the server process. Robots keep their last command, "
         "and the queue of plans is lost."
     ),
     fix=(
         "put a runner between two controls that follow each other, and use recovery or "
-        "sequential instead of parallel controls; gpsfsm port does it"
+        "sequential instead of parallel controls; gpsfsm port can do this"
     ),
     bad=plan(
         go(1.0, 2.0),
@@ -107,8 +107,8 @@ def _find_skipped_on_engine(engine: OnEngine) -> Iterator[Finding]:
         before = context.runner(context.automaton.runner_number(trigger.node))
         names = listed([context.place(context.runner(number)) for number in numbers])
         yield SKIPPED_ON_ENGINE.finding(
-            f"{engine.name} never runs {names}: it starts a unit of a parallel control with the "
-            f"STARTED of the runner before it, {context.place(before)}, which emits none",
+            f"{engine.name} never runs {names}: it starts the units of a parallel control on the "
+            f"STARTED of the runner before, {context.place(before)}, which does not emit it",
             context.plan.location(first.parent),
             related=tuple(
                 context.related(context.runner(number), "never runs") for number in numbers
@@ -122,11 +122,11 @@ SKIPPED_ON_ENGINE = Rule(
     severity=Severity.ERROR,
     summary="The engine silently skips runners of a parallel control.",
     why=(
-        "fabric-v2 starts each unit of a parallel control with the STARTED of the runner before "
-        "it, but its runners no longer emit STARTED; only those that wait for a topic do. A "
-        "parallel_any then goes on without its units, a parallel_all waits for ever."
+        "fabric-v2 starts each unit of a parallel control on the STARTED of the runner before "
+        "it, but its runners no longer emit STARTED, except those that wait for a topic. A "
+        "parallel_any then continues without its units, and a parallel_all waits for ever."
     ),
-    fix="run the units one after the other on this engine; gpsfsm port says what that changes",
+    fix="run the units one after the other on this engine; gpsfsm port reports what that changes",
     bad=plan(go(1.0, 2.0), control("parallel_any", look("Is the door open?"), say("Hello."))),
     good=plan(go(1.0, 2.0), look("Is the door open?"), say("Hello.")),
     options=("--engine", "fabric-v2"),
@@ -157,11 +157,11 @@ def _find_cut_off_on_engine(engine: OnEngine) -> Iterator[Finding]:
 def _reason(engine: OnEngine, cause: Cause) -> str:
     context = engine.context
     if cause.loss is Loss.UNCONNECTED:
-        return "nothing that happens is connected to it"
+        return "no event that can happen is connected to it"
     join = context.plan.elements[context.automaton.nodes[cause.node].origin]
     return (
-        f"that waits for an event of the join of {context.place(join)} which a join never emits, "
-        "because one control stands right behind another"
+        f"it waits for an event that the join of {context.place(join)} never emits, because one "
+        "control directly follows another"
     )
 
 
@@ -171,11 +171,14 @@ CUT_OFF_ON_ENGINE = Rule(
     severity=Severity.ERROR,
     summary="The engine never reaches a part of the plan that the paper reaches.",
     why=(
-        "These engines connect what follows a control to its last runner or join. Right behind "
-        "another control that is an event that joins never emit: everything from there on, and "
-        "the completion of the plan, is out of reach."
+        "These engines connect what follows a control to its last runner or join. If one control "
+        "directly follows another, they use an event that joins never emit: everything from there "
+        "on, including the completion of the plan, is out of reach."
     ),
-    fix="put a runner between controls that follow each other, or merge them; gpsfsm port does it",
+    fix=(
+        "put a runner between controls that follow each other, or merge them; gpsfsm port can do "
+        "this"
+    ),
     bad=plan(
         go(1.0, 2.0),
         control("recovery", go(0.0, 2.0)),
@@ -222,11 +225,10 @@ def _waits_on_engine_finding(engine: OnEngine, join: int, inputs: int) -> Findin
     behind = ""
     if lost:
         names = listed([context.place(context.runner(number)) for number in lost])
-        behind = f"; it never reaches {names}"
-    which = "only one can come" if inputs == 1 else f"only {inputs} can come"
+        behind = f" and never reaches {names}"
     return WAITS_ON_ENGINE.finding(
         f"on {engine.name} the join of {context.place(control)} waits for {node.need} successes, "
-        f"of which {which}: the plan hangs there{behind}",
+        f"of which only {inputs} can arrive: the plan hangs there{behind}",
         context.plan.location(control),
         related=tuple(context.related(context.runner(number), "never runs") for number in lost),
     )
@@ -236,13 +238,13 @@ WAITS_ON_ENGINE = Rule(
     code="GP707",
     name="waits-on-engine",
     severity=Severity.ERROR,
-    summary="A join of the engine waits for more successes than can come.",
+    summary="A join of the engine waits for more successes than can arrive.",
     why=(
-        "These engines count every success in the whole plan that leads nowhere yet as an input "
-        "of the next join, also those from before the control, and wire them all to it. Nothing "
-        "ends the wait: the plan stays running, and all plans behind it wait too."
+        "These engines connect every success in the whole plan that leads nowhere yet to the next "
+        "join, including those from before the control, and count it as an input. Nothing ends "
+        "the wait: the plan keeps running, and all plans in the queue after it wait too."
     ),
-    fix="run the units one after the other on this engine; gpsfsm port says what that changes",
+    fix="run the units one after the other on this engine; gpsfsm port reports what that changes",
     bad=plan(go(1.0, 2.0), control("parallel_all", look("Is the door open?"), say("Hello."))),
     good=plan(go(1.0, 2.0), look("Is the door open?"), say("Hello.")),
     options=("--engine", "fabric-v2"),
@@ -306,9 +308,9 @@ def _kills_runner_finding(
     attribute = next(each for each in element.attributes if each.name == parameter.name)
     text = printable(attribute.text)
     return KILLS_RUNNER.finding(
-        f'{engine.name} reads {parameter.name}="{text}" as {_WORDS[parameter.type]}, where '
-        f"{context.place(element)} takes {_WORDS[expected]} only: "
-        "the server dies when this runner starts",
+        f'{engine.name} reads {parameter.name}="{text}" as {_WORDS[parameter.type]}, but '
+        f"{context.place(element)} accepts only {_WORDS[expected]}: "
+        "the server crashes when this runner starts",
         context.plan.location(element, attribute),
         hint=_hint(parameter, attribute.text, expected),
         length=len(parameter.name),
@@ -324,22 +326,22 @@ def _hint(parameter: Parameter, text: str, expected: OptionType) -> str:
         return f'write {parameter.name}="{int(parameter.value)}"'
     if expected is OptionType.STRING:
         return (
-            f'write {parameter.name}="{printable(text)} ", with a blank behind it: no number and '
-            "no Boolean ends with a blank"
+            f'write {parameter.name}="{printable(text)} " with a trailing space: no number or '
+            "Boolean ends with a space"
         )
     if expected is OptionType.BOOL:
-        return "write true or false, in small letters"
-    return f"give {_WORDS[expected]}"
+        return "write true or false, in lower case"
+    return f"write {_WORDS[expected]}"
 
 
 KILLS_RUNNER = Rule(
     code="GP708",
     name="kills-runner",
     severity=Severity.ERROR,
-    summary="An attribute is written so that the engine reads a type that kills the runner.",
+    summary="The engine reads an attribute as a type that crashes the runner.",
     why=(
         "fabric-v2 guesses the type of an attribute from its text, and its runners cast the value "
-        "strictly: an integer where a double is expected ends the process of the server. 1.0 is a "
+        "strictly: an integer where a double is expected ends the server process. 1.0 is a "
         "double, 1 is not."
     ),
     fix="write the value so that the engine reads the type that the runner expects",
@@ -361,8 +363,8 @@ def _find_altered_by_engine(engine: OnEngine) -> Iterator[Finding]:
             if attribute is None or not _altered(attribute, parameter):
                 continue
             yield ALTERED_BY_ENGINE.finding(
-                f"{engine.name} makes {printable(parameter.text) or 'nothing'} of "
-                f'{parameter.name}="{printable(attribute.text)}" of {context.place(element)}',
+                f'{engine.name} changes {parameter.name}="{printable(attribute.text)}" of '
+                f"{context.place(element)} to {printable(parameter.text) or 'an empty text'}",
                 context.plan.location(element, attribute),
                 length=len(parameter.name),
             )
@@ -388,12 +390,12 @@ ALTERED_BY_ENGINE = Rule(
     code="GP709",
     name="altered-by-engine",
     severity=Severity.WARNING,
-    summary="The engine makes another value of an attribute.",
+    summary="The engine changes the value of an attribute.",
     why=(
-        "fabric-v2 keeps six decimals of a number, takes integers modulo 2 to the 32nd, reads an "
-        "empty text as 0, and takes hexadecimal numbers and the like for numbers."
+        "fabric-v2 keeps six decimals of a number, takes integers modulo 2 to the 32nd, reads "
+        "an empty text as 0, and interprets hexadecimal and similar texts as numbers."
     ),
-    fix="write the value so that it survives: at most six decimals, no integers beyond 32 bit",
+    fix="write a value that survives: at most six decimals, and integers of at most 32 bits",
     bad=plan(runner("nav2_capabilities/WaypointRunner", x="0.1234567", y="2.0")),
     good=plan(runner("nav2_capabilities/WaypointRunner", x="0.123457", y="2.0")),
     options=("--engine", "fabric-v2"),
@@ -412,16 +414,16 @@ def _find_unreceived_input(engine: OnEngine) -> Iterator[Finding]:
         if isinstance(taken, Renamed):
             alias = printable(taken.alias)
             yield UNRECEIVED_INPUT.finding(
-                f"{engine.name} lets this plan pass because '{alias}' is another name of the input "
-                f"'{wanted}' of {context.place(runner)}, and at run time the name alone counts",
+                f"{engine.name} accepts this plan because '{alias}' is another name of the input "
+                f"'{wanted}' of {context.place(runner)}, but at run time only the name counts",
                 context.plan.location(runner),
-                hint=f"write {wanted} in place of {alias}",
+                hint=f"write {wanted} instead of {alias}",
             )
             continue
         giver = context.runner(taken.giver)
         yield UNRECEIVED_INPUT.finding(
-            f"{engine.name} lets this plan pass because {context.place(giver)} has an output for "
-            f"the input '{wanted}' of {context.place(runner)}, and hands nothing over there: "
+            f"{engine.name} accepts this plan because {context.place(giver)} has an output for "
+            f"the input '{wanted}' of {context.place(runner)}, but at run time passes nothing: "
             f"{_reason_of(taken)}",
             context.plan.location(runner),
             hint=_hint_for(taken, context),
@@ -433,10 +435,10 @@ def _reason_of(taken: Taken) -> str:
     output = printable(taken.output.name)
     if taken.output.event is not taken.event:
         return (
-            f"'{output}' goes with {taken.output.event.name}, and what leads here is "
+            f"'{output}' comes with {taken.output.event.name}, but this step is triggered by "
             f"{taken.event.name}"
         )
-    return f"the output is called '{output}', and at run time the name alone counts"
+    return f"the output is called '{output}', and only the name counts"
 
 
 def _hint_for(taken: Taken, context: Context) -> str:
@@ -444,21 +446,21 @@ def _hint_for(taken: Taken, context: Context) -> str:
     name = printable(taken.wanted.name)
     if provider is not None and provider.provider.parameter(taken.wanted.name) is not None:
         return f'write {name}="…" in the plan'
-    return f"put a step that hands over '{name}' right before this one"
+    return f"put a step that outputs '{name}' right before this one"
 
 
 UNRECEIVED_INPUT = Rule(
     code="GP710",
     name="unreceived-input",
     severity=Severity.WARNING,
-    summary="The engine validates an input of a runner to which nothing is handed over.",
+    summary="The engine accepts an input of a runner that receives no value at run time.",
     why=(
-        "fabric-v3 looks for an output whose name, semantic key or alias is one of the input's, at "
-        "any step that leads straight to the runner, with any event. When the plan runs it hands "
-        "values over by their names alone, and with the event to which they belong: the runner "
-        "then starts without the value that was validated."
+        "Before the run, fabric-v3 accepts any output whose name, semantic key or alias is one of "
+        "the input's, from any step that leads directly to the runner, with any event. At run "
+        "time it passes values on by name only, and only with the event to which they belong: the "
+        "runner then starts without the value that was validated."
     ),
-    fix="write the value in the plan, or put a step that hands it over by this name right before",
+    fix="write the value in the plan, or put a step that outputs it by this name right before",
     bad=plan(hear(), control("recovery", note(uuid="visit"))),
     good=plan(hear(), note(uuid="visit")),
     options=("--engine", "fabric-v3"),

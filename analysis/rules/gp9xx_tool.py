@@ -12,10 +12,10 @@ RULES = (
         severity=Severity.ERROR,
         summary="The input cannot be read.",
         why=(
-            "What could not be read was not checked, and what was not checked must not be "
-            "dispatched."
+            "Input that could not be read was not checked, and a plan that was not checked must "
+            "not be dispatched."
         ),
-        fix="give the path of a readable plan, of a folder with plans, or - for standard input",
+        fix="pass the path of a readable plan, of a folder with plans, or - for standard input",
         bad="",
         good=plan(go(1.0, 1.0)),
     ),
@@ -25,8 +25,8 @@ RULES = (
         severity=Severity.ERROR,
         summary="The assumptions and options admit no scenario.",
         why=(
-            "Of no scenario everything can be said, that the plan is safe as well as that it is "
-            "not. So nothing is said."
+            "Without a scenario every statement holds, both that the plan is safe and that it is "
+            "not. So gpsfsm reports neither."
         ),
         fix="drop or correct one of the assumptions",
         bad=plan(go(1.0, 1.0), go(1.0, 1.0)),
@@ -40,12 +40,12 @@ RULES = (
         summary="gpsfsm contradicts itself or its check failed, so there is no verdict.",
         why=(
             "Every answer is checked in a second way: by another procedure, or by replaying the "
-            "scenario. Here the two do not agree, or the check itself failed: there was an "
-            "unexpected error, or the process of the check was killed. Nothing is known of the "
-            "plan then, so it must not be dispatched. Contradictions and unexpected errors are "
-            "defects of gpsfsm, not of the plan."
+            "scenario. Here the two disagree, or the check itself failed because of an unexpected "
+            "error or because its process was killed. The plan has no verdict, so it must not be "
+            "dispatched. Contradictions and unexpected errors are defects of gpsfsm, not of the "
+            "plan."
         ),
-        fix="please report it, with the plan and the options",
+        fix="please report this, with the plan and the options",
         bad="",
         good=plan(go(1.0, 1.0), go(2.0, 2.0)),
     ),
@@ -53,11 +53,10 @@ RULES = (
         code="GP904",
         name="inconclusive",
         severity=Severity.ERROR,
-        summary=(
-            "A limit was hit, or the time or the memory was too short, before all was answered."
-        ),
+        summary="A limit, the time or the memory was exhausted before the plan was decided.",
         why=(
-            "What is undecided is not safe. Unknown is an answer of its own, and a gate refuses it."
+            "An undecided plan is not a safe plan. Unknown is a verdict of its own, and a gate "
+            "rejects it."
         ),
         fix=(
             "raise the limit that the message names (--rlimit and --total-rlimit for steps, "
@@ -73,10 +72,10 @@ RULES = (
         severity=Severity.WARNING,
         summary="A suppression comment suppresses nothing.",
         why=(
-            "The finding is gone, the comment gives no reason, or it does not name single rules by "
-            "their codes or names. A stale suppression hides the next real finding."
+            "The finding is gone, the comment gives no reason, or it does not name individual "
+            "rules by code or name. A stale suppression hides the next real finding."
         ),
-        fix="remove the comment, or name the rule in it and say why it does not matter",
+        fix="remove the comment, or name the rule in it and explain why it does not matter",
         bad="<Plan>\n    <!-- gpsfsm: ignore GP303 because I say so -->\n"
         + plan(go(1.0, 1.0)).removeprefix("<Plan>\n"),
         good="<Plan>\n    <!-- gpsfsm: ignore GP302 because an operator is there -->\n"
@@ -88,8 +87,8 @@ RULES = (
         severity=Severity.INFO,
         summary="An assumption matches no runner of this plan.",
         why=(
-            "It restricts nothing here. That is fine when many plans are checked with one "
-            "assumption, and a misspelt interface when it is meant for this plan."
+            "The assumption has no effect here. That is fine if you check many plans with the same "
+            "assumption; if it is meant for this plan, the interface is probably misspelt."
         ),
         fix="check the spelling of the interface and its parameters",
         bad=plan(go(1.0, 1.0), go(2.0, 2.0)),
@@ -101,10 +100,8 @@ RULES = (
         name="unusable-assumption",
         severity=Severity.ERROR,
         summary="An assumption names a line or an element that the plan does not have.",
-        why=(
-            "An assumption about the wrong place would change the verdict without anybody noticing."
-        ),
-        fix="name a line that holds a runner, or select runners by interface and parameters",
+        why="An assumption about the wrong place would silently change the verdict.",
+        fix="name a line that contains a runner, or select runners by interface and parameters",
         bad=plan(go(1.0, 1.0)),
         good=plan(go(1.0, 1.0), go(2.0, 2.0)),
         options=("--assume", "line 3 never fails"),

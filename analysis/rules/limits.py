@@ -33,7 +33,7 @@ class Limit:
     """The most that a run may take, and the words for it.
 
     ``name`` is what users call it, ``beyond`` what takes more, such as ``longer than the
-    deadline``; ``how`` asks for an amount: ``how long``. ``hint`` says what to declare where
+    deadline``; ``bound`` is what a capability file may declare. ``hint`` says what to declare where
     nothing bounds the plan. ``allowance`` is what comes on top of the greatest amount, and
     ``reason`` what it is for.
     """
@@ -42,7 +42,7 @@ class Limit:
     unit: str
     name: str
     beyond: str
-    how: str
+    bound: str
     hint: str
     allowance: float = 0.0
     reason: str = ""
@@ -102,7 +102,7 @@ def _message(
         return f"{this} can take {over}: {at_least} to {limit.said(most)}"
     if most > limit.most - limit.allowance:
         return (
-            f"{this} can take {over}: {at_least} to {limit.said(most)} as declared, and "
+            f"{this} can take {over}: {at_least} to {limit.said(most)} as declared, plus "
             f"{limit.said(limit.allowance)} {limit.reason}"
         )
     return ""
@@ -117,7 +117,7 @@ def endless(context: Context, limit: Limit, amounts: Amounts | None) -> str:
         if (amounts is None or amounts.ranges[number][1] == UNBOUNDED)
         and context.reached[unit_of[number]]
     ]
-    return f"no capability file declares {limit.how} these take at most: {listed(names)}"
+    return f"no capability file declares a {limit.bound} for {listed(names)}"
 
 
 _RLIMIT = 3_000_000

@@ -225,14 +225,14 @@ def not_permitted(
     attribute = binding.written.get(name)
     if not allowed:
         shown = f": {written(attribute)}" if attribute else ""
-        return f"{what}, and nothing permits that{shown}"
+        return f"{what} without permission{shown}"
     value = binding.value(name)
     text = value if isinstance(value, str) else "" if attribute is None else attribute.text
     if text and not any(_reaches(permission, text, each) for each in allowed):
         return f"{what} that is not permitted: {quoted(text)}"
     if not binding.settled(name):
-        return f"{what}, but the step before may give another {quoted(name)} than is written here"
-    return "" if text else f"{what}, and the plan does not say which"
+        return f"{what}, but the step before may replace the {quoted(name)} that is written here"
+    return "" if text else f"{what}, but the plan does not say which"
 
 
 _REACHES = {

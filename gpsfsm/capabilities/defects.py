@@ -72,9 +72,9 @@ class Notes:
         """True if there are so many that more would help nobody."""
         return len(self.defects) >= _MAX_PER_FILE
 
-    def near(self, word: str, names: Iterable[str]) -> str:
+    def near(self, word: str, names: Iterable[str], *, cutoff: float = 0.6) -> str:
         """``did_you_mean``, but for files with so many defects that it would take long."""
-        return "" if self.full else did_you_mean(word, names)
+        return "" if self.full else did_you_mean(word, names, cutoff=cutoff)
 
     def _add(self, defect: Defect) -> None:
         if not self.full:
@@ -96,9 +96,9 @@ def quoted(text: str) -> str:
     return f"'{printable(shown)}'"
 
 
-def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """A question with the nearest known word; "" if none is near."""
+def did_you_mean(word: str, names: Iterable[str], *, cutoff: float = 0.6) -> str:
+    """A question with the nearest known word; "" if none is near. ``cutoff``: as of difflib."""
     from difflib import get_close_matches
 
-    near = get_close_matches(word[:_MAX_SHOWN], list(islice(names, _MAX_NAMES)), n=1)
+    near = get_close_matches(word[:_MAX_SHOWN], list(islice(names, _MAX_NAMES)), n=1, cutoff=cutoff)
     return f"did you mean {quoted(near[0])}?" if near else ""

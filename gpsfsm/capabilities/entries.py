@@ -346,7 +346,7 @@ def _outcomes(
         return Outcomes()
     never_fails = model.never_fails
     if never_fails and model.never_succeeds:
-        message = "'never_fails' and 'never_succeeds' contradict each other"
+        message = "'never_fails' and 'never_succeeds' cannot both be true"
         notes.error(model.at("never_fails"), message, "remove one of them; never_fails is not used")
         never_fails = False
     if model.unless and not model.never_fails:
@@ -467,7 +467,7 @@ def _reached(
     for key, name in model.reaches.items():
         place = model.below("reaches", key)
         if key not in kinds:
-            hint = notes.near(key, kinds) or f"there are {', '.join(kinds)}"
+            hint = notes.near(key, kinds) or f"the permissions are {', '.join(kinds)}"
             notes.error(place, f"there is no permission {quoted(key)}", hint)
             continue
         if name not in _names(configuration):

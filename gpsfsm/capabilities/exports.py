@@ -59,10 +59,10 @@ class Package:
         for export in self.exports or ():
             file = str(Path(self.folder, export.path))
             if ".." in Path(export.path).parts:
-                message = f"{quoted(export.path)} leads out of the package"
+                message = f"{quoted(export.path)} is outside the package"
                 notes.error(export.place, message, "name a file of this package, without '..'")
             elif not _is_file(file):
-                message = f"it exports {quoted(export.path)}, and there is no such file"
+                message = f"it exports {quoted(export.path)}, but there is no such file"
                 notes.error(export.place, message, self._hint(export, notes))
             elif file in files:
                 message = f"it exports {quoted(export.path)} twice"
@@ -123,7 +123,7 @@ def read_package(manifest: str, folder: str, notes: Notes) -> Package:
     return Package(folder, name if good else bare, tuple(reader.exports))
 
 
-_UNUSED = "mend it: until then the robot sees no capability file of this package"
+_UNUSED = "fix it: until then the robot sees no capability file of this package"
 
 
 @dataclass(slots=True)
@@ -198,13 +198,13 @@ class _Reader:
     def _export(self, tag: str, path: str) -> None:
         place = self._place or self._here
         if not path:
-            message = f"<{tag}> names no file, and the server of the robot dies of that"
+            message = f"<{tag}> names no file, which crashes the server of the robot"
             self.notes.error(place, message, "write the path of the file, or remove the line")
         elif self._exports > 1:
             message = f"{quoted(path)} is in a second <export>, which the robot does not read"
             self.notes.error(place, message, "put it into the first one")
         elif "\0" in path or path.startswith("/"):
-            self.notes.error(place, f"{quoted(path)} is no file of this package", "remove it")
+            self.notes.error(place, f"{quoted(path)} is not a file of this package", "remove it")
         else:
             self.exports.append(Export(str(Path(path)), _KINDS[tag], place))
 

@@ -77,11 +77,11 @@ class Resolution:
 
 @dataclass(frozen=True)
 class Library:
-    """Interfaces, providers and semantic interfaces; names are unique within each.
+    """A collection of interfaces, providers and semantic interfaces; names are unique within each.
 
-    ``complete``: nothing else exists, so that a name that is not here is wrong. The built-in
-    library is not: a robot may have runners that nobody has described. ``leaves`` are what the
-    leaves of behaviour trees stand for when they are simulated, ``blackboard`` the values of keys.
+    ``complete``: nothing else exists, so any other name is an error. The built-in library is not
+    complete, because a robot may have runners that nobody has described. ``leaves`` define what the
+    leaves of behaviour trees do in a simulation, ``blackboard`` the values of keys.
     """
 
     interfaces: tuple[Interface, ...] = ()
@@ -121,17 +121,17 @@ class Library:
 
     @cached_property
     def namespaces(self) -> frozenset[str]:
-        """The packages that this library describes anything of."""
+        """The packages for which this library has a description."""
         names = (*self._interfaces, *self._providers, *self._semantic)
         return frozenset(map(namespace, names))
 
     @cached_property
     def interface_names(self) -> tuple[str, ...]:
-        """The names that a plan may write as interface, sorted."""
+        """The names that a plan may use as an interface, sorted."""
         return tuple(sorted({*self._interfaces, *self._semantic}))
 
     def interface(self, name: str) -> Interface | None:
-        """The interface of this name; for a semantic interface the one that it redefines."""
+        """The interface of this name; for a semantic interface, the one that it redefines."""
         semantic = self._semantic.get(name)
         return self._interfaces.get(name if semantic is None else semantic.redefines)
 
@@ -140,10 +140,10 @@ class Library:
         return self._providers.get(name)
 
     def providers_of(self, interface: str) -> tuple[Provider, ...]:
-        """The providers that implement an interface, the default one first, then by name.
+        """The providers that implement an interface, sorted by name after the default one.
 
-        Without a declared default it is the provider with the name of the interface, else the only
-        one, else the first by name.
+        Without a declared default, the default is the provider with the name of the interface, else
+        the only one, else the first by name.
         """
         described = self.interface(interface)
         if described is None:
@@ -157,16 +157,16 @@ class Library:
         )
 
     def translation(self, name: str) -> str | None:
-        """The name here of a name of another dialect; None if there is none."""
+        """The name in this library of a name from another dialect; None if there is none."""
         if name in self._interfaces or name in self._semantic:
             return None
         return self._translations.get(name)
 
     def extended(self, other: Library) -> Library:
-        """Add the entries of ``other``, which replace those of the same name.
+        """Add the entries of ``other``, which replace entries of the same name.
 
-        What the old schemas cannot say stays: the definition of a provider that ``other`` names
-        without one, and the other names of an interface.
+        What the old schemas cannot express is kept: the definition of a provider that ``other``
+        names without one, and the other names of an interface.
         """
         ours = self._interfaces
         interfaces = [_completed_interface(new, ours.get(new.name)) for new in other.interfaces]
@@ -181,13 +181,13 @@ class Library:
         )
 
     def says_the_same(self, other: Library) -> bool:
-        """True if another library describes the same, whatever the files are called."""
+        """True if another library has the same descriptions, regardless of file names."""
         return _without_origins(self) == _without_origins(other)
 
     def implemented(self, provider: str) -> str:
-        """The interface that a provider implements, under its name here; "" if it is not known.
+        """The interface that a provider implements, under its name in this library; "" if unknown.
 
-        It may have the name of another dialect.
+        The provider's name may be that of another dialect.
         """
         described = self._providers.get(provider)
         if described is None:
@@ -195,10 +195,10 @@ class Library:
         return self.translation(described.implements) or described.implements
 
     def resolve(self, interface: str, provider: str) -> Resolution:
-        """The meaning of the names of a runner; "" for a provider means the default one.
+        """Resolve the names of a runner; an empty ``provider`` means the default one.
 
-        Whoever needs to know asks here: what checks plans, what runs them, what compares them with
-        tasks. So none of them takes a runner for another one than the others do.
+        Checks, runs and comparisons with tasks all use this function, so that they agree on which
+        runner is meant.
         """
         if interface in OWN and provider in ("", interface):
             return Resolution(Match.DESCRIBED, *OWN[interface], interface if provider else "")
@@ -245,14 +245,14 @@ class Library:
 
     @cached_property
     def dialects(self) -> dict[str, Library]:
-        """The same library under the names of engines, as far as somebody has asked for them."""
+        """The same library under the names of engines, for those requested so far."""
         return {}
 
     def elsewhere(self, provider: Provider) -> Provider:
-        """The provider as other dialects have it.
+        """The provider as other dialects define it.
 
         Its parameters and outputs are the same, but older engines keep and send prompts by other
-        rules: there is one buffer without name, and asking for a plan sends it.
+        rules: there is one buffer, without a name, and asking for a plan sends it.
         """
         if provider.effects == Effects():
             return provider
@@ -283,12 +283,13 @@ class Library:
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:
-    """The library that a check uses; ``defects`` are what is wrong with the files it is made of.
+    """The library that a check uses.
 
-    A defect reads as ``file:line:column: message``. ``robot`` is the one that plans are for, whose
-    library it is. ``named_by`` is the engine whose names those of the built-in library are, "" for
-    none (``dialects``). ``allow`` are the programs, hosts and functions that plans may reach, and
-    nothing else of that kind; None: nobody has said, so that a plan that does is warned of.
+    - ``defects``: what is wrong with its files, each as ``file:line:column: message``.
+    - ``robot``: the robot that plans are for, if the library comes from a robot profile.
+    - ``named_by``: the engine whose names the built-in library uses; "" for its own names.
+    - ``allow``: the only programs, hosts and functions that plans may reach. None: not specified,
+      so that plans that reach any get a warning.
     """
 
     library: Library
@@ -304,7 +305,7 @@ EMPTY = Capabilities(Library())
 
 @cache
 def builtin_capabilities() -> Capabilities:
-    """The built-in library, from its compiled table."""
+    """Return the built-in library, which is loaded from a compiled table."""
     from gpsfsm.capabilities.table import builtin
 
     return Capabilities(builtin())
@@ -382,7 +383,7 @@ def _filled(
     if isinstance(value, int | float) and not isinstance(value, bool):
         low, high = parameter.minimum, parameter.maximum
         if (low is not None and value < low) or (high is not None and value > high):
-            raise ValueError(f"{parameter.name} is {value:g}, which the robot does not take")
+            raise ValueError(f"{parameter.name} is {value:g}, which the robot does not accept")
     if parameter.choices and value not in parameter.choices:
         raise ValueError(f"{parameter.name} is one of {', '.join(parameter.choices)}")
     return value
@@ -397,8 +398,8 @@ def _part(text: str, filling: Filling, leaf: Leaf, library: Library) -> str | No
         key = filling.port if key == "=" else key
         values = dict(library.blackboard)
         if key not in values:
-            hint = f"write what it is into 'blackboard' of the robot profile, {key}: …"
-            raise ValueError(f"nothing says what {clip(text.strip(), 60)} is; {hint}")
+            hint = f"set it in 'blackboard' of the robot profile, {key}: …"
+            raise ValueError(f"the value of {clip(text.strip(), 60)} is unknown; {hint}")
         text = values[key]
     text = dict(leaf.words).get(text.strip(), text)
     if not filling.parts:
@@ -420,7 +421,7 @@ def _of_type(text: str, parameter: Parameter, filling: Filling) -> Value:
         number = abs(number * filling.factor) if filling.unsigned else number * filling.factor
         if not math.isfinite(number) or (kind is ValueType.INT and number != int(number)):
             wanted = "a whole number" if kind is ValueType.INT else "a number"
-            hint = "say in 'words' of the leaf what it means"
+            hint = "define its meaning in 'words' of the leaf"
             raise ValueError(f"{parameter.name} is {wanted}, not '{clip(text, 60)}'; {hint}")
         return int(number) if kind is ValueType.INT else number
     if kind is ValueType.BOOL:
@@ -485,12 +486,14 @@ def _merged(ours: tuple[_Entry, ...], theirs: tuple[_Entry, ...]) -> tuple[_Entr
 def choose_capabilities(
     paths: Sequence[str | Path], *, builtin: bool = True, robot: str | Path | None = None
 ) -> Capabilities:
-    """The built-in library, extended by the capability files below ``paths``, or those alone.
+    """Return the built-in library extended by the capability files below ``paths``.
 
-    Alone they are taken to be all there is. ``robot`` is the file of a profile, which says what
-    else to read, and what of it there is. Raises ConfigError for a profile that does not fit, and
-    UsageError for a path that cannot be read or holds no capability file; a defective file is among
-    the defects.
+    Without ``builtin``, the result has only these files, and is taken to be complete. ``robot`` is
+    the file of a robot profile, which names further files to read and the capabilities that the
+    robot has.
+
+    Raises ConfigError for an invalid profile, and UsageError for a path that cannot be read or
+    contains no capability file. A defective file does not raise: it is listed in ``defects``.
     """
     require_list("choose_capabilities", "paths", paths)
     require_flag("choose_capabilities", "builtin", builtin)

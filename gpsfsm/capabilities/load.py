@@ -225,7 +225,7 @@ def _kind(table: Table, naming_: Naming, notes: Notes) -> str:
     if not isinstance(node, Scalar) or node.text not in kinds:
         hint = notes.near(node.text, kinds) if isinstance(node, Scalar) else ""
         message = f"{kind_of(node)} is not a spec_type"
-        notes.error(place, message, hint or f"known are {', '.join(kinds)}")
+        notes.error(place, message, hint or f"the types are {', '.join(kinds)}")
         return ""
     if naming_.kind and node.text != naming_.kind:
         says = "its package.xml" if naming_.exported else "the place of the file"
@@ -270,7 +270,9 @@ def _version(model: CapabilityFile, notes: Notes) -> tuple[int, ...]:
         return ()
     place = model.at("spec_version")
     if not _VERSION.fullmatch(text):
-        notes.warning(place, f"{quoted(text)} is not a spec_version", "known are 1, 1.1 and 1.2")
+        notes.warning(
+            place, f"{quoted(text)} is not a spec_version", "the versions are 1, 1.1 and 1.2"
+        )
         return ()
     version = tuple(map(int, text.split(".")))
     if version > _NEWEST:

@@ -27,7 +27,7 @@ _EVENTS = {
     "failure": (Event.FAILED,),
     "both": (Event.SUCCEEDED, Event.FAILED),
 }
-_TYPES = "known are string, bool, int, double, and string[] and so on for lists"
+_TYPES = "the types are string, bool, int, double, and lists such as string[]"
 
 
 _Entry = TypeVar("_Entry", "ParameterFile", "InputFile", "OutputFile")
@@ -260,7 +260,7 @@ def _sources(entry: InputFile, notes: Notes) -> tuple[Source, ...]:
             sources.append(Source(word))
         else:
             message = f"an input cannot be satisfied from {quoted(word)}"
-            hint = notes.near(word, words) or f"known are {', '.join(words)}"
+            hint = notes.near(word, words) or f"the sources are {', '.join(words)}"
             notes.error(entry.at("satisfiable_from"), message, hint)
     return tuple(sources)
 

@@ -481,13 +481,23 @@ def _title(path: tuple[int | str, ...]) -> str:
     return quoted(shown[1:])
 
 
+_MISSPELT = 0.8
+"""``resource`` and ``resources`` are as near as 0.94, ``idempotent`` and ``implements`` 0.6."""
+
+
 def _note_unknown_keys(model: FileModel, notes: Notes) -> None:
-    """The original stack ignores unknown keys silently; mostly they are misspelt."""
+    """The original stack ignores unknown keys silently.
+
+    One that looks like another key is misspelt: what it declares would be missing unnoticed. Any
+    other, such as ``idempotent``, may belong to another program.
+    """
     keys = [field.alias or name for name, field in type(model).model_fields.items()]
-    otherwise = "it is ignored" if notes.kind == "capability" else f"known are {', '.join(keys)}"
+    otherwise = "it is ignored" if notes.kind == "capability" else f"the keys are {', '.join(keys)}"
     for key in model.model_extra or {}:
-        hint = notes.near(key, keys) or otherwise
-        notes.warning(model.at(key), f"the key {quoted(key)} is not known here", hint)
+        misspelt = notes.near(key, keys, cutoff=_MISSPELT)
+        note = notes.error if misspelt else notes.warning
+        hint = misspelt or notes.near(key, keys) or otherwise
+        note(model.at(key), f"the key {quoted(key)} is not known here", hint)
     for inner in _inner(model):
         _note_unknown_keys(inner, notes)
 

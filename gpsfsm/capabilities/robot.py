@@ -17,6 +17,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -212,10 +213,10 @@ def load_profile(file: str | Path) -> Profile:
 def _profile(model: RobotFile, file: str, notes: Notes) -> Profile:
     if not model.name.strip() or len(model.name) > _MOST_NAME or not model.name.isprintable():
         notes.error(
-            model.at("name"), f"{quoted(model.name)} is no name of a robot", "write a short name"
+            model.at("name"), f"{quoted(model.name)} is not a robot name", "write a short name"
         )
     if model.engine is not None and model.engine not in ENGINES:
-        hint = notes.near(model.engine, ENGINES) or f"there are {', '.join(ENGINES)}"
+        hint = notes.near(model.engine, ENGINES) or f"the engines are {', '.join(ENGINES)}"
         notes.error(model.at("engine"), f"there is no engine {quoted(model.engine)}", hint)
     tolerate = model.tolerate
     if tolerate is not None and not (tolerate.is_integer() and 0 <= tolerate <= _MOST_TOLERATED):
@@ -265,7 +266,7 @@ def _folders(model: RobotFile, file: str, notes: Notes) -> tuple[str, ...]:
         if not each.strip() or path.is_absolute() or ".." in path.parts or "\0" in each:
             notes.error(
                 model.at("capabilities"),
-                f"{quoted(each)} is no folder beside or below this file",
+                f"{quoted(each)} is not a folder beside or below this file",
                 "write a path that starts at the folder of this file, without '..'; name any other "
                 "with --capabilities",
             )
@@ -360,7 +361,7 @@ def _allowed(model: AllowFile | None, notes: Notes) -> tuple[tuple[Permission, s
         key = f"{permission.value}s"
         for text in getattr(model, key):
             if not text.strip() or not text.isprintable():
-                message = f"{quoted(text)} is no {permission.value}"
+                message = f"{quoted(text)} is not a {permission.value}"
                 notes.error(model.at(key), message, f"write what --allow-{permission.value} takes")
             else:
                 allowed.append((permission, text))
@@ -394,18 +395,18 @@ def _network(model: NetworkFile | None, notes: Notes) -> RosSettings:
         notes.error(model.at("domain"), message, "write what ROS_DOMAIN_ID is on the robot")
         domain = None
     if model.discovery and model.discovery not in DISCOVERY:
-        hint = notes.near(model.discovery, DISCOVERY) or f"there are {', '.join(DISCOVERY)}"
-        notes.error(model.at("discovery"), f"{quoted(model.discovery)} is no range", hint)
+        hint = notes.near(model.discovery, DISCOVERY) or f"the ranges are {', '.join(DISCOVERY)}"
+        notes.error(model.at("discovery"), f"{quoted(model.discovery)} is not a range", hint)
     names = [(model.at("namespace"), model.namespace)] if model.namespace else []
     for old, new in model.remap.items():
         names += [(model.below("remap", old), old), (model.below("remap", old), new)]
     for place, name in names:
         if not _ROS_NAME.fullmatch(name):
             hint = "write letters, digits and underscores, with a slash between parts"
-            notes.error(place, f"{quoted(name)} is no name in ROS", hint)
+            notes.error(place, f"{quoted(name)} is not a valid ROS name", hint)
     if model.via and model.via not in VIA:
         hint = notes.near(model.via, VIA) or f"there is {', '.join(VIA)}"
-        notes.error(model.at("via"), f"{quoted(model.via)} is no server that runners act on", hint)
+        notes.error(model.at("via"), f"{quoted(model.via)} is not a server for runners", hint)
     deadline = DEADLINE_S if model.deadline is None else model.deadline
     if not 0 < deadline <= _LONGEST:
         notes.error(
@@ -523,7 +524,7 @@ def _check_leaves(profile: Profile, library: Library, notes: Notes) -> None:
         provider = resolution.provider
         if resolution.match is not Match.DESCRIBED or provider is None:
             hint = notes.near(leaf.runner, library.interface_names)
-            message = f"{quoted(leaf.name)} stands for {quoted(leaf.runner)}, which is no runner"
+            message = f"{quoted(leaf.name)} stands for {quoted(leaf.runner)}, which is not a runner"
             notes.error(place, f"{message} of this robot", hint or "describe it, or list it")
             continue
         filled = {filling.parameter for filling in leaf.fillings}
@@ -567,7 +568,7 @@ def write_profile(
     engine: str | None = None,
     ros: RosSettings | None = None,
 ) -> None:
-    """Write a profile that fits at once. Raises ConfigError for one that would not.
+    """Write a profile that fits at once. Raises ConfigError for one that would not, or cannot.
 
     It is written beside its place first, and read: nothing that does not fit gets there.
     """
@@ -587,5 +588,8 @@ def write_profile(
         draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
         choose_capabilities((), robot=draft)
         draft.replace(file)
+    except OSError as error:
+        raise ConfigError(f"cannot write {file}: {error.strerror or error}") from error
     finally:
-        draft.unlink(missing_ok=True)
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)

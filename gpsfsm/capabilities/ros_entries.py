@@ -139,7 +139,7 @@ def _check_names(model: CallFile, kind: RosKind, name: str, notes: Notes) -> Non
             notes.error(model.at("transform"), "the name of a frame is missing", "write two names")
         return
     if not _NAME.fullmatch(name):
-        message = f"{quoted(name)} is no name in ROS"
+        message = f"{quoted(name)} is not a valid ROS name"
         hint = "write letters, digits and underscores, with a slash between parts"
         notes.error(model.at(kind.value), message, hint)
     folder = _FOLDERS[kind]
@@ -149,7 +149,7 @@ def _check_names(model: CallFile, kind: RosKind, name: str, notes: Notes) -> Non
     for each in model.type:
         match = _TYPE.fullmatch(each)
         if match is None or match[1] != folder:
-            message = f"{quoted(each)} is no definition of {_article(kind)}"
+            message = f"{quoted(each)} is not a definition of {_article(kind)}"
             notes.error(model.at("type"), message, f"write package/{folder}/Name")
 
 
@@ -166,7 +166,7 @@ def _check_fields(model: CallFile, kind: RosKind, provider: Provider, notes: Not
     }[kind]
     for key in unused:
         if getattr(model, key):
-            message = f"{quoted(key)} has no meaning for {_article(kind)}"
+            message = f"{quoted(key)} has no effect for {_article(kind)}"
             notes.error(model.at(key), message, "remove it")
     fields = [(key, each) for key in ("request", "success") for each in getattr(model, key)]
     for key in ("outputs", "feedback"):
@@ -175,7 +175,7 @@ def _check_fields(model: CallFile, kind: RosKind, provider: Provider, notes: Not
     fields += [(key, getattr(model, key)) for key in ("pose", "message") if getattr(model, key)]
     for key, field in fields:
         if not (_FIELD.fullmatch(field) or (key == "outputs" and field == _WHOLE)):
-            notes.error(model.at(key), f"{quoted(field)} is no field", "write a.b, or a[].b")
+            notes.error(model.at(key), f"{quoted(field)} is not a field", "write a.b, or a[].b")
     if kind is RosKind.TRANSFORM:
         for name, field in model.outputs.items():
             if field not in _OF_A_POSE:
@@ -203,9 +203,9 @@ def _check_resume(model: CallFile, kind: RosKind, notes: Notes) -> None:
     words = [each.value for each in OnResume]
     if model.on_resume not in words:
         hint = notes.near(model.on_resume, words) or f"write {' or '.join(words)}"
-        notes.error(model.at("on_resume"), f"{quoted(model.on_resume)} is no choice", hint)
+        notes.error(model.at("on_resume"), f"{quoted(model.on_resume)} is not a choice", hint)
     elif model.on_resume != OnResume.CANCEL.value and kind is RosKind.TRANSFORM:
-        message = "'on_resume' has no meaning for a transform"
+        message = "'on_resume' has no effect for a transform"
         notes.error(model.at("on_resume"), message, "remove it")
 
 
@@ -215,7 +215,9 @@ def _values(
     values: list[tuple[str, Value]] = []
     for field, node in getattr(model, key).items():
         if not isinstance(node, Scalar) or node.value is None:
-            notes.error(model.below(key, field), "this is no value", "write a value, or $parameter")
+            notes.error(
+                model.below(key, field), "it is not a value", "write a value, or $parameter"
+            )
             continue
         if isinstance(node.value, str) and node.value.startswith("$"):
             _check_parameter(node.value, parameters, model, key, notes)

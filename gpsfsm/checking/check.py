@@ -36,6 +36,7 @@ from gpsfsm.model.plan import Location
 from gpsfsm.model.report import By, Facts, PlanReport, Proof, Verdict
 from gpsfsm.model.story import PAPER_ENGINE, Vocabulary
 from gpsfsm.syntax import Limits, Parsed, parse
+from gpsfsm.tracing import span
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     from gpsfsm.syntax.trees import Includes
     from gpsfsm.tasks.task import Task
 
-OUT_OF_MEMORY = "the memory has run out before it was decided"
+OUT_OF_MEMORY = "memory ran out before the plan was decided"
 MORE_MEMORY = "allow more memory, check with --jobs 1, or split the plan"
 
 
@@ -62,11 +63,12 @@ MORE_MEMORY = "allow more memory, check with --jobs 1, or split the plan"
 class CheckOptions:
     """Everything that a check depends on besides the plan.
 
-    ``capabilities`` None stands for the built-in library; ``task`` is what the plan has to do.
-    Without ``trees`` a behaviour tree is no plan, as it is for those who run what they check; a
-    machine is one all the same.
-    ``engine`` is the profile of the engine that is to run the plan (docs/engines.md). Without
-    ``decides`` the text is read, and nothing is decided about the plan.
+    - ``capabilities``: None means the built-in library.
+    - ``task``: the task that the plan must fulfil.
+    - ``trees``: accept behaviour trees; callers that can only run plans set this to False. Machines
+      are accepted in any case.
+    - ``engine``: the profile of the engine that is to run the plan (docs/engines.md).
+    - ``decides``: if False, the text is parsed and nothing about the plan is decided.
     """
 
     analysis: AnalysisOptions = field(default_factory=AnalysisOptions)
@@ -81,7 +83,7 @@ class CheckOptions:
 
     @property
     def described(self) -> Capabilities:
-        """The capabilities in force, under the names of the engine; else the built-in library."""
+        """The capabilities in use, under the names of the engine."""
         return in_dialect(self.capabilities or builtin_capabilities(), self.engine)
 
 
@@ -107,7 +109,7 @@ class _Progress:
         if names:
             open_ = [name.replace("_", " ") for name in dict.fromkeys(names)]
             self.fail(
-                "GP904", f"a limit of steps was reached before these were decided: {listed(open_)}"
+                "GP904", f"the step limit was reached before these were decided: {listed(open_)}"
             )
 
 
@@ -122,7 +124,9 @@ def check_text(
     """
 
     def checked() -> PlanReport:
-        return _check_read(_read(text, path, options, includes), text, path, options)
+        with span("gpsfsm.read"):
+            parsed = _read(text, path, options, includes)
+        return _check_read(parsed, text, path, options)
 
     return _guarded(checked, path)
 
@@ -146,12 +150,14 @@ def check_graph(graph: nx.Graph[Any], options: CheckOptions) -> PlanReport:
 def _guarded(checked: Callable[[], PlanReport], path: str) -> PlanReport:
     """The report of a check, or of what went wrong in it."""
     try:
-        with collecting_rarely():
-            return checked()
+        with collecting_rarely(), span("gpsfsm.check") as whole:
+            report = checked()
+            whole.note(**{"gpsfsm.verdict": report.verdict.value})
+            return report
     except UsageError:
         raise
     except RecursionError:
-        return undecided(path, "it is nested too deeply to be decided", hint="split the plan")
+        return undecided(path, "the plan is nested too deeply to be decided", hint="split the plan")
     except InternalError as error:
         return failed(path, str(error))
     except Exception as error:
@@ -184,8 +190,8 @@ def options_for(inputs: Sequence[Input], options: CheckOptions) -> CheckOptions:
         return options
     if not all(each.answers for each in inputs):
         raise UsageError(
-            "answers in JSON lines are read as with --from-response, and plans are not; "
-            "check them in two calls, or say --from-response for all"
+            "answers in JSON lines are read as with --from-response, but plans are not; "
+            "check them in two calls, or pass --from-response for all"
         )
     return replace(options, from_response=True)
 
@@ -223,7 +229,8 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
     if progress.context is not None:
         if on_engine is not None and not isinstance(on_engine, GpsfsmError):
             progress.context.engine = on_engine.contexts
-        _find(progress.context, options.task, progress)
+        with span("gpsfsm.rules"):
+            _find(progress.context, options.task, progress)
     if options.analysis.require_proof:
         _require_proof(progress)
     if parsed.trees:
@@ -259,8 +266,10 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     options, capabilities = check.analysis, check.described
     bindings = bind(plan, capabilities.library)
     try:
-        compiled = compile_plan(plan, start_chain="no-start" in options.faults, bindings=bindings)
-        constraints = constraints_under(options, compiled)
+        with span("gpsfsm.compile"):
+            start_chain = "no-start" in options.faults
+            compiled = compile_plan(plan, start_chain=start_chain, bindings=bindings)
+            constraints = constraints_under(options, compiled)
     except AssumptionError as error:
         progress.fail("GP907", error.summary, hint=error.hint)
         return
@@ -279,7 +288,8 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     from gpsfsm.analysis.decide import decide
 
     try:
-        decided = decide(compiled, constraints, options)
+        with span("gpsfsm.decide"):
+            decided = decide(compiled, constraints, options)
         if decided.contradictory:
             progress.fail("GP902", contradiction(bindings))
             return
@@ -307,11 +317,12 @@ def _decide_machine(
         return None
     if check.task is not None or check.engine != PAPER_ENGINE:
         purpose = "against a task" if check.task is not None else f"for {check.engine}"
-        progress.fail("GP904", f"a machine is not checked {purpose}", hint="check a plan")
+        progress.fail("GP904", f"a machine cannot be checked {purpose}", hint="check a plan")
         return None
     _refuse_amounts(check.analysis, progress)
     try:
-        decided = decide_machine(compiled, constraints, check.analysis)
+        with span("gpsfsm.decide"):
+            decided = decide_machine(compiled, constraints, check.analysis)
     except InternalError as error:
         progress.fail("GP903", str(error))
         return None
@@ -349,7 +360,9 @@ def _with_loops(plan: Plan, progress: _Progress) -> TreeMachine | None:
     if coarser is None or len(coarser.runners) >= len(plan.runners):
         return None
     for each in approximated(coarser, plan.approximated):
-        message = f"{each.message}: counting rounds there, its runs reach too many configurations"
+        message = (
+            f"{each.message}: if rounds are counted there, its runs reach too many configurations"
+        )
         progress.findings.append(rule(each.rule).finding(message, each.location, hint=each.hint))
     return coarser
 
@@ -361,7 +374,9 @@ def _refuse_amounts(analysis: AnalysisOptions, progress: _Progress) -> None:
         (analysis.energy_limit_j, "--energy-limit"),
     ):
         if limit is not None:
-            progress.fail("GP904", f"a machine is undecided under {name}", hint="check it without")
+            progress.fail(
+                "GP904", f"a machine cannot be decided under {name}", hint="check it without this"
+            )
 
 
 def _check_on_engine(
@@ -400,7 +415,7 @@ def _add_engine_findings(
         if not progress.undecided:
             progress.fail("GP907", on_engine.summary, hint=on_engine.hint)
     elif isinstance(on_engine, InputError):
-        progress.fail("GP103", f"{engine} sees more in this text: {on_engine}")
+        progress.fail("GP103", f"{engine} reads more elements in this text: {on_engine}")
     else:
         progress.fail("GP903", str(on_engine))
 
@@ -454,8 +469,8 @@ def _task_findings(
             {**progress.proof.unproved, **({"task": "--rlimit"} if weakest is By.SEARCH else {})},
         )
     for message in unclear:
-        hint = "put a step that gives no such value between the two"
-        progress.fail("GP904", message, hint=f"{hint}, or let the task not ask for the value")
+        hint = "put a step that outputs no such value between the two"
+        progress.fail("GP904", message, hint=f"{hint}, or remove the value from the task")
     return departures
 
 
@@ -501,7 +516,7 @@ def _task_notes(options: CheckOptions) -> Iterable[str]:
     if options.task is not None and options.engine != PAPER_ENGINE:
         yield (
             "the task (GP6xx) is decided by the semantics of the paper; "
-            f"what {options.engine} does differently is told by GP7xx"
+            f"GP7xx reports what {options.engine} does differently"
         )
 
 

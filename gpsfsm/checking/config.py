@@ -67,7 +67,7 @@ def find_config(start: Path | None = None) -> Config:
         for name in config_names():
             file = folder / name
             if _is_file(file) and (content := _content(file)) is not None:
-                _refuse_others(file, f"to use it nevertheless, name it: --config {file}")
+                _refuse_others(file, f"to use it anyway, name it: --config {file}")
                 return _config(file, content)
     return Config()
 
@@ -135,7 +135,7 @@ def load_user_config() -> Config:
     file = user_config_file()
     if file is None or not _is_file(file):
         return Config(own=True)
-    _refuse_others(file, f"take it away, or correct the permissions of {file.parent}")
+    _refuse_others(file, f"remove it, or correct the permissions of {file.parent}")
     content = _content(file)
     assert content is not None
     return _config(file, content, own=True)
@@ -187,11 +187,11 @@ def _refuse_others(file: Path, remedy: str) -> None:
         if any(status.st_uid not in mine for status in (file.lstat(), real.stat())):
             wrong = "it belongs to another user"
         elif real.stat().st_mode & S_IWOTH:
-            wrong = "every user can write it"
+            wrong = "every user can write to it"
         elif any(folder.stat().st_mode & S_IWOTH for folder in {file.parent, real.parent}):
-            wrong = "it lies in a folder in which every user can write"
+            wrong = "it is in a folder that every user can write to"
     except OSError as error:
-        wrong = f"its owner cannot be found out ({error.strerror or error})"
+        wrong = f"its owner cannot be determined ({error.strerror or error})"
     if wrong:
         raise ConfigError(f"{file}: this configuration is not read, since {wrong}; {remedy}")
 
@@ -295,23 +295,23 @@ def _unknown_key(file: Path, key: str) -> str:
     from gpsfsm.checking.settings import ModelTable, Settings
 
     if key == "tool" and file.name != _PROJECT_NAME:
-        return f"keys stand at the top of a {_OWN_NAME}, not below {_TABLE}"
+        return f"in a {_OWN_NAME}, keys are at the top level, not below {_TABLE}"
     if key in _OUTPUTS:
         return (
-            f"there is no key '{key}': a file of a project must not say what is written where; "
+            f"there is no key '{key}': a project file must not decide where output is written; "
             "give -o FILE on the command line"
         )
     if key.startswith("keys."):  # in the user's own file
         return f"'{key}' must be a table with a list of hosts, such as {_HOSTS}"
     if key == "keys":
         return (
-            "where keys may go is not for a file of a project to say; the table 'keys' stands in "
-            f"the user's own configuration, {user_config_file() or 'which needs a home folder'}"
+            "a project file must not decide where keys are sent; put the table 'keys' into "
+            f"your own configuration, {user_config_file() or 'which needs a home folder'}"
         )
     if key.removeprefix("model.") in _SECRETS:
         return (
-            f"there is no key '{key}', and no key of a model belongs into a file: put it into an "
-            "environment variable, and the name of that into 'model.api-key-env'"
+            f"there is no key '{key}', and model keys do not belong in a file: put the key in an "
+            "environment variable, and the variable's name in 'model.api-key-env'"
         )
     table = "model." if key.startswith("model.") else ""
     fields = (ModelTable if table else Settings).model_fields
@@ -321,7 +321,7 @@ def _unknown_key(file: Path, key: str) -> str:
     meant = key.removeprefix(table).replace("_", "-")
     near = difflib.get_close_matches(meant, keys, n=1)
     names = ", ".join(f"{table}{name}" for name in keys)
-    hint = f"did you mean '{table}{near[0]}'?" if near else f"known are {names}"
+    hint = f"did you mean '{table}{near[0]}'?" if near else f"the keys are {names}"
     return f"there is no key '{key}'; {hint}"
 
 

@@ -166,8 +166,10 @@ def _refusal(reading: EngineText) -> Finding:
     engine, result, place = reading.engine, reading.result, Location(reading.line, reading.column)
     if isinstance(result, Rejected):
         quoted = clip(result.message, _MAX_MESSAGE)
-        message = f"{engine} rejects this plan: {printable(result.reason)}; it says: {quoted}"
+        message = (
+            f"{engine} rejects this plan: {printable(result.reason)}; engine message: {quoted}"
+        )
         return rule("GP701").finding(message, place, hint=printable(result.hint))
     assert isinstance(result, Crashed)
-    message = f"{engine} dies on this plan ({result.signal}): {printable(result.reason)}"
+    message = f"{engine} crashes on this plan ({result.signal}): {printable(result.reason)}"
     return rule("GP702").finding(message, place)

@@ -140,7 +140,7 @@ class _IncludeReading:
         if package and not Path(written).is_absolute():
             of_package = self._folder_of(package, folder)
             if of_package is None:
-                why = f"the ROS package '{clip(package, 80)}' is no folder in {self._shown_root}"
+                why = f"the ROS package '{clip(package, 80)}' is not a folder in {self._shown_root}"
                 hint = "write the path without ros_pkg, from the folder of this file"
                 return Target(why=why, hint=hint)
             shown = folder = of_package

@@ -71,7 +71,7 @@ def find_inputs(paths: Sequence[str], field: str | None = None) -> Iterator[Inpu
     seen: set[tuple[str, bool]] = set()
     if field is not None and not any(holds_lines(path, field) for path in paths):
         endings = " or ".join(LINES)
-        raise UsageError(f"--field is about JSON lines: a file that ends in {endings}, or -")
+        raise UsageError(f"--field needs JSON lines: a file that ends in {endings}, or -")
     for path in paths:
         for item in _answers(path, field) if holds_lines(path, field) else _expand(path):
             key = (os.path.normpath(item.path), item.stdin)
@@ -228,7 +228,7 @@ class _NoAnswerError(ValueError):
 def _no_json(error: Exception) -> str:
     if isinstance(error, UnicodeDecodeError):
         return f"is not UTF-8 at byte {error.start + 1} of the line"
-    return "is no JSON" if isinstance(error, RecursionError) else f"is no JSON: {error}"
+    return "is not JSON" if isinstance(error, RecursionError) else f"is not JSON: {error}"
 
 
 def _answer(line: bytes, field: str | None) -> bytes:
@@ -244,7 +244,7 @@ def _answer(line: bytes, field: str | None) -> bytes:
         raise _NoAnswerError("is an empty line")
     record = strict_loads(text)
     if not isinstance(record, dict):
-        raise _NoAnswerError("is no JSON object")
+        raise _NoAnswerError("is not a JSON object")
     value: object = record
     for name in _steps(record, field):
         if not isinstance(value, dict) or name not in value:
@@ -313,9 +313,11 @@ def _steps(record: dict[str, object], field: str | None) -> tuple[str, ...]:
         return (names[0],)
     if names:
         fields = " and ".join(names)
-        raise _NoAnswerError(f"has a text in {fields}; say with --field which is the answer")
+        raise _NoAnswerError(f"has a text in {fields}; name the right one with --field")
     fields = ", ".join(FIELDS)
-    raise _NoAnswerError(f"has no text in any of {fields}; say with --field where the answer is")
+    raise _NoAnswerError(
+        f"has no text in any of {fields}; name the field of the answer with --field"
+    )
 
 
 def _expand(path: str) -> Iterator[Input]:

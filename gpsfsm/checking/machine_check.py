@@ -21,7 +21,7 @@ from gpsfsm.analysis.machines.findings import (
 )
 from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
-from gpsfsm.analysis.options import SECOND_OPINION, Inconclusive
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, SECOND_OPINION, Inconclusive
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import Tie
@@ -99,7 +99,7 @@ def decide_machine(
     tree = compiled.automaton.plan.vocabulary is Vocabulary.TREE
     free = not tree and is_order_free(compiled.automaton)
     if constraints.no_start:
-        reason = "a machine is undecided under --faults no-start"
+        reason = "a machine cannot be decided under --faults no-start"
         return DecidedMachine(None, reason=reason, hint="check it without that")
     if free:
         decided = _by_scenarios(compiled, constraints, options)
@@ -111,7 +111,7 @@ def decide_machine(
         (constraints.formulas, "assumptions that tie runners together"),
     ):
         if refused:
-            reason = f"a machine whose runs depend on the order is undecided under {name}"
+            reason = f"a machine whose runs depend on the order cannot be decided under {name}"
             return DecidedMachine(None, reason=reason, hint="check it without that")
     if not all(allowed):
         return DecidedMachine(None, contradictory=True)
@@ -189,7 +189,9 @@ def _proof(exploration: Exploration, answers: Answers, options: AnalysisOptions)
     from gpsfsm.analysis.machines.proof import Completeness, Formulas
     from gpsfsm.analysis.solver import PER_CHARACTER
 
-    rlimit = min(options.rlimit, SECOND_OPINION)
+    # The search has decided already. Only a limit above the default buys more than an opinion.
+    raised = options.rlimit > DEFAULT_RLIMIT
+    rlimit = options.rlimit if raised else min(options.rlimit, SECOND_OPINION)
     components = len(exploration.automaton.runners) + len(exploration.instants.inputs)
     if PER_CHARACTER * _LEAST_CHARACTERS * components * exploration.reached > rlimit:
         return "--rlimit"  # the table alone would be too long

@@ -45,15 +45,15 @@ class Kind(Enum):
 
 
 class Group(Enum):
-    """The set of options in whose company a command declares one."""
+    """The set of options in whose company a command declares one; its heading in help."""
 
-    SELECTION = auto()
-    OUTPUT = auto()
-    SCENARIO = auto()
-    CAPABILITY = auto()
-    EFFORT = auto()
-    ENGINE = auto()
-    LIMIT = auto()
+    SELECTION = "Which findings count"
+    OUTPUT = "Output"
+    SCENARIO = "Scenarios"
+    CAPABILITY = "Robot and capabilities"
+    EFFORT = "Effort"
+    ENGINE = "Engine"
+    LIMIT = "Limits on the input"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,8 @@ class Option:
     ``name`` is that of the command line, with ``_`` for ``-``; ``keyword`` that in Python and over
     HTTP, which names the unit ("": neither has the option). ``least`` and ``most`` belong to the
     range, ``above`` does not. A ``default`` of None: ``effective`` is what holds then. ``service``
-    is None for what the operator of a service decides.
+    is None for what the operator of a service decides. ``common``: most people need it, so
+    ``--help`` shows it.
     """
 
     name: str
@@ -91,6 +92,7 @@ class Option:
     above: float | None = None
     keyword: str = ""
     service: Service | None = None
+    common: bool = False
 
     @property
     def flag(self) -> str:
@@ -121,35 +123,39 @@ def _limit(name: str, default: int, text: str) -> Option:
 OPTIONS: tuple[Option, ...] = (
     Option(
         name="format",
+        common=True,
         kind=Kind.TEXT,
         group=Group.OUTPUT,
-        help="How to write the report: {formats}. [default: text]",
+        help="Output format: {formats}. [default: text]",
         default="text",
         metavar="NAME",
     ),
     Option(
         name="select",
+        common=True,
         kind=Kind.CODES,
         group=Group.SELECTION,
-        help="Show only these rules: codes, names, prefixes (GP3) or ALL, with commas.",
+        help="Show only these rules: GP303, join-deadlock, GP3, ALL.",
         metavar="CODES",
         keyword="select",
         service=Service("Show only these rules."),
     ),
     Option(
         name="ignore",
+        common=True,
         kind=Kind.CODES,
         group=Group.SELECTION,
-        help="Do not show these rules.",
+        help="Hide these rules; same forms as --select.",
         metavar="CODES",
         keyword="ignore",
-        service=Service("Do not show these rules."),
+        service=Service("Hide these rules; same forms as --select."),
     ),
     Option(
         name="fail_on",
+        common=True,
         kind=Kind.CHOICE,
         group=Group.SELECTION,
-        help="The least severity of a finding that makes the exit code 1.",
+        help="Lowest severity that makes the exit code 1.",
         default="error",
         choices=("error", "warning", "never"),
     ),
@@ -157,21 +163,22 @@ OPTIONS: tuple[Option, ...] = (
         name="allow_suppressions",
         kind=Kind.FLAG,
         group=Group.SELECTION,
-        help="Let comments in a plan excuse its findings: they make the exit code 0.",
+        help="Let comments in a plan suppress its findings, also for the exit code.",
         default=False,
     ),
     Option(
         name="quiet",
         kind=Kind.FLAG,
         group=Group.OUTPUT,
-        help="Findings only, one line each.",
+        help="Show findings only, one line each.",
         default=False,
     ),
     Option(
         name="verbose",
+        common=True,
         kind=Kind.FLAG,
         group=Group.OUTPUT,
-        help="All scenarios and further places of the findings.",
+        help="Show every scenario and related location.",
         default=False,
     ),
     Option(
@@ -194,9 +201,10 @@ OPTIONS: tuple[Option, ...] = (
     ),
     Option(
         name="assume",
+        common=True,
         kind=Kind.TEXTS,
         group=Group.SCENARIO,
-        help="Consider only runs where this holds, e.g. 'never fails: SpeechRunner'.",
+        help="Assume this, such as 'never fails: SpeechRunner'.",
         metavar="TEXT",
         keyword="assume",
         service=Service("Consider only runs where this holds."),
@@ -205,7 +213,7 @@ OPTIONS: tuple[Option, ...] = (
         name="consistent",
         kind=Kind.FLAG,
         group=Group.SCENARIO,
-        help="Equal actions of a plan have equal outcomes.",
+        help="Assume that equal actions have equal outcomes.",
         default=False,
         keyword="consistent",
         service=Service("Equal actions have equal outcomes."),
@@ -214,7 +222,7 @@ OPTIONS: tuple[Option, ...] = (
         name="faults",
         kind=Kind.CODES,
         group=Group.SCENARIO,
-        help="What can happen to a runner: failed, no-start, hang. [default: failed]",
+        help="Faults to consider: failed, no-start, hang. [default: failed]",
         metavar="LIST",
         choices=("failed", "no-start", "hang"),
         keyword="faults",
@@ -234,7 +242,7 @@ OPTIONS: tuple[Option, ...] = (
         name="rlimit",
         kind=Kind.COUNT,
         group=Group.EFFORT,
-        help="z3's steps per question; beyond them the answer is 'unknown', exit code 2.",
+        help="Step limit of z3 per question; beyond it, the answer is 'unknown', exit code 2.",
         effective=DEFAULT_RLIMIT,
         metavar="N",
         least=1,
@@ -246,14 +254,14 @@ OPTIONS: tuple[Option, ...] = (
         name="total_rlimit",
         kind=Kind.COUNT,
         group=Group.EFFORT,
-        help="z3's steps for one plan in all; beyond them likewise.",
+        help="Step limit of z3 per plan; beyond it, likewise.",
         effective=DEFAULT_TOTAL_RLIMIT,
         metavar="N",
         least=1,
         most=MAX_TOTAL_RLIMIT,
         keyword="total_rlimit",
         service=Service(
-            "Steps of z3 for the whole plan; null: as many as the command takes.",
+            "Steps of z3 for the whole plan; null: the limit of the command.",
             most=DEFAULT_TOTAL_RLIMIT,
             undefined=True,
         ),
@@ -262,7 +270,7 @@ OPTIONS: tuple[Option, ...] = (
         name="max_scenarios",
         kind=Kind.COUNT,
         group=Group.EFFORT,
-        help=f"Scenarios per rule and plan. [default: {DEFAULT_MAX_SCENARIOS}]",
+        help=f"Maximum number of scenarios per rule and plan. [default: {DEFAULT_MAX_SCENARIOS}]",
         effective=DEFAULT_MAX_SCENARIOS,
         metavar="N",
         least=0,
@@ -273,25 +281,26 @@ OPTIONS: tuple[Option, ...] = (
         name="require_proof",
         kind=Kind.FLAG,
         group=Group.EFFORT,
-        help="Undecided, exit code 2, unless z3 has proved all that the plan never does.",
+        help="Require z3 to prove all that the plan never does; else undecided, exit code 2.",
         default=False,
         keyword="require_proof",
-        service=Service("Undecided unless z3 has proved all that the plan never does."),
+        service=Service("Undecided unless z3 has proved everything that the plan never does."),
     ),
     Option(
         name="from_response",
         kind=Kind.FLAG,
         group=Group.SCENARIO,
-        help="The text is a language model's raw answer: take the last plan in it.",
+        help="The text is a model's raw answer: take its last plan.",
         default=False,
         keyword="from_response",
         service=Service("The text is a raw answer of a model."),
     ),
     Option(
         name="capabilities",
+        common=True,
         kind=Kind.FOLDERS,
         group=Group.CAPABILITY,
-        help="Capability files that extend the built-in library; may be repeated.",
+        help="Folder of capability files; may be repeated.",
         metavar="DIR",
         keyword="capabilities",
     ),
@@ -299,15 +308,16 @@ OPTIONS: tuple[Option, ...] = (
         name="builtin_capabilities",
         kind=Kind.FLAG,
         group=Group.CAPABILITY,
-        help="Whether to use the built-in library of capabilities. [default: yes]",
+        help="Use the built-in capability library. [default: yes]",
         default=True,
         keyword="builtin_capabilities",
     ),
     Option(
         name="robot",
+        common=True,
         kind=Kind.FILE,
         group=Group.CAPABILITY,
-        help="The profile of the robot: its runners, their names and bounds, its permissions.",
+        help="Robot profile: runners, bounds and permissions.",
         metavar="FILE",
         keyword="robot",
     ),
@@ -315,7 +325,7 @@ OPTIONS: tuple[Option, ...] = (
         name="deadline",
         kind=Kind.AMOUNT,
         group=Group.CAPABILITY,
-        help="What a run may take at most, as far as durations are declared.",
+        help="Maximum duration of a run, as far as it is declared.",
         metavar="SECONDS",
         above=0,
         keyword="deadline_s",
@@ -325,7 +335,7 @@ OPTIONS: tuple[Option, ...] = (
         name="energy_limit",
         kind=Kind.AMOUNT,
         group=Group.CAPABILITY,
-        help="The energy that a run may take at most, as far as it is declared.",
+        help="Maximum energy of a run, as far as it is declared.",
         metavar="JOULES",
         above=0,
         keyword="energy_limit_j",
@@ -335,21 +345,22 @@ OPTIONS: tuple[Option, ...] = (
         name="tolerate",
         kind=Kind.COUNT,
         group=Group.CAPABILITY,
-        help="So many failures must not end the plan, or it has a warning. [default: 0]",
+        help="Warn if N failures or fewer can end the plan. [default: 0]",
         effective=0,
         metavar="N",
         least=0,
         most=MAX_TOLERATED,
         keyword="tolerate",
         service=Service(
-            "So many failures must not end the plan; 0: any failure may.", most=MAX_TOLERATED
+            "This many failures must not end the plan; 0: any failure may.", most=MAX_TOLERATED
         ),
     ),
     Option(
         name="engine",
+        common=True,
         kind=Kind.CHOICE,
         group=Group.ENGINE,
-        help="The engine that is to run the plan; paper: what the paper says.",
+        help="Semantics to use: the paper's, or those of an original engine.",
         default=PAPER_ENGINE,
         choices=tuple(ENGINES),
         keyword="engine",
@@ -359,19 +370,19 @@ OPTIONS: tuple[Option, ...] = (
         name="baseline",
         kind=Kind.FILE,
         group=Group.OUTPUT,
-        help="An earlier report (--format json); findings in it do not fail.",
+        help="Ignore the findings of this earlier JSON report.",
         metavar="FILE",
     ),
-    _limit("max_bytes", 64 * 1024 * 1024, "Bytes of a plan's text."),
-    _limit("max_depth", 200, "Levels of nesting."),
-    _limit("max_elements", 250_000, "Elements of a plan."),
-    _limit("max_attributes", 200, "Attributes of an element."),
-    _limit("max_attribute_length", 65_536, "Characters of an attribute."),
+    _limit("max_bytes", 64 * 1024 * 1024, "Maximum size of a plan's text in bytes."),
+    _limit("max_depth", 200, "Maximum nesting depth."),
+    _limit("max_elements", 250_000, "Maximum number of elements in a plan."),
+    _limit("max_attributes", 200, "Maximum number of attributes of an element."),
+    _limit("max_attribute_length", 65_536, "Maximum length of an attribute in characters."),
     Option(
         name="color",
         kind=Kind.CHOICE,
         group=Group.OUTPUT,
-        help="Colours; auto: only on a terminal.",
+        help="Use colours; auto: only on a terminal.",
         default="auto",
         choices=("auto", "always", "never"),
     ),
@@ -402,7 +413,7 @@ NO_EFFECT: Mapping[str, Mapping[str, str]] = {
         "about it",
         "tolerate": "a task says itself what has to be tried; 'gpsfsm check --tolerate' decides "
         "about failures",
-        "max_scenarios": "a grade tells one scenario at most; leave the option out",
+        "max_scenarios": "a grade has at most one scenario; leave the option out",
         "require_proof": "a grade is compared with z3 in any case; leave it out",
         "total_rlimit": "the steps of a grade are bounded for each question; use --rlimit",
         "from_response": "an answer is always taken as it is, with the last plan in it; leave the "

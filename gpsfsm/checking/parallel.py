@@ -95,7 +95,9 @@ def items_of(inputs: Iterable[Input], limits: Limits) -> Iterator[CheckItem | Se
 
 def too_late(path: str, limit_s: float) -> PlanReport:
     """The report of a plan whose check was ended by the clock."""
-    return undecided(path, f"it is undecided after {limit_s:g} s (time limit)", hint=_MORE_TIME)
+    return undecided(
+        path, f"the plan is undecided after {limit_s:g} s (time limit)", hint=_MORE_TIME
+    )
 
 
 def _not_checked(item: CheckItem, how: str) -> PlanReport:

@@ -133,7 +133,7 @@ def _meant(suppression: Suppression) -> tuple[dict[str, str], list[str]]:
         try:
             codes[name] = rule(name).code
         except UsageError:
-            wrong.append(f"there is no rule '{name}': a comment names each rule that it suppresses")
+            wrong.append(f"there is no rule '{name}': a comment must name each rule it suppresses")
     return codes, wrong
 
 

@@ -3,8 +3,8 @@
 A command is found by the name of its module, so a new command is one new file. Commands import
 what they need when they run: ``gpsfsm --help`` loads no solver and no parser.
 
-Exit codes of every command: 0 nothing found, 1 findings, 2 could not do it, or not tell what it
-did, 130 interrupted.
+Exit codes of every command: 0 nothing found, 1 findings, 2 could not do it, or could not report
+what it did, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import gc
 import importlib
 import os
 import pkgutil
+import shlex
 import sys
 from contextlib import contextmanager
 from functools import cache
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm import __version__
+from gpsfsm.cli._help import DOCUMENTATION, Section
 from gpsfsm.errors import DEBUG_VARIABLE, GpsfsmError, InternalError, is_out_of_memory
 from gpsfsm.streams import complain, give_up_stdout, losses, write_message
 
@@ -34,6 +36,12 @@ __all__ = ["main"]
 _PACKAGE = "gpsfsm.cli"
 _FAILED = 2
 _INTERRUPTED = 130
+_MEANT = {
+    **dict.fromkeys(("analyse", "analyze", "lint", "validate", "verify"), "check"),
+    **dict.fromkeys(("draw", "render", "visualise", "visualize"), "show"),
+    **dict.fromkeys(("execute", "simulate"), "run"),
+    **{"compare": "diff", "repair": "fix", "rules": "explain"},
+}
 _LOOKS = (50_000, 10, 20)  # for circles: new objects or looks between two of the three kinds
 
 
@@ -112,7 +120,7 @@ def _please_report() -> str:
 
 def _usage_hint(error: click.ClickException) -> str:
     context = error.ctx if isinstance(error, click.UsageError) else None
-    return f"'{context.command_path} --help' shows how to use it." if context else ""
+    return f"'{context.command_path} --help' shows its options." if context else ""
 
 
 class Commands(click.Group):
@@ -132,30 +140,62 @@ class Commands(click.Group):
         """The names of all commands."""
         return [name for name in _module_names() if self.get_command(ctx, name) is not None]
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        """The command of this name, or None."""
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of this name or alias, or None."""
         if cmd_name not in _module_names():
-            return None
+            commands = (self.get_command(ctx, name) for name in _module_names())
+            return next(
+                (each for each in commands if cmd_name in getattr(each, "aliases", ())), None
+            )
         module = importlib.import_module(f"{_PACKAGE}.{cmd_name.replace('-', '_')}")
         command = getattr(module, "COMMAND", None)
         return command if isinstance(command, click.Command) else None
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands by section, without the two options and blank lines: it fits a screen."""
+        formatter.write_paragraph()
+        commands = [self.get_command(ctx, name) for name in self.list_commands(ctx)]
+        for section in Section:
+            records = [
+                (str(each.name), each.get_short_help_str(limit=100))
+                for each in commands
+                if each is not None and getattr(each, "section", None) is section
+            ]
+            formatter.write(f"{section.value}:\n")
+            with formatter.indentation():
+                formatter.write_dl([(f"{name:12}", text) for name, text in records])
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """As click does, but with a word on what may be meant."""
         name = args[0]
-        if name.startswith("-") or self.get_command(ctx, name) is not None:
+        command = None if name.startswith("-") else self.get_command(ctx, name)
+        if command is not None:
+            return command.name, command, args[1:]
+        if name.startswith("-"):
             return super().resolve_command(ctx, args)
+        raise click.UsageError(
+            f"there is no command '{name}'; {self._meant(ctx, name, args[1:])}", ctx
+        )
+
+    def _meant(self, ctx: click.Context, name: str, others: Sequence[str]) -> str:
+        """A hint about what a word that is no command was meant to be."""
         names = self.list_commands(ctx)
-        near = difflib.get_close_matches(name, names, n=1)
-        if name.endswith(".xml") or Path(name).exists():
-            hint = f"to check a plan: gpsfsm check {name}"
-        elif near:
-            hint = f"did you mean '{near[0]}'?"
-        else:
-            hint = f"the commands are {', '.join(names)}"
-        raise click.UsageError(f"there is no command '{name}'; {hint}", ctx)
+        near = difflib.get_close_matches(name, [*names, "help", "version"], n=1)
+        if name == "man" or near == ["help"]:
+            topic = next((each for each in others if each in names), "COMMAND")
+            return f"for help: gpsfsm {topic} --help"
+        if near == ["version"]:
+            return "for the version: gpsfsm --version"
+        if name.endswith((".xml", ".json")) or Path(name).exists():
+            return f"to check a plan: gpsfsm check {shlex.join([name, *others])}"
+        if name in _MEANT or near:
+            command = _MEANT.get(name) or near[0]
+            return f"did you mean: gpsfsm {shlex.join([command, *others])}"
+        if name.upper().startswith("GP") and name[2:].isdigit():
+            return f"to explain a rule: gpsfsm explain {name.upper()}"
+        return f"the commands are {', '.join(names)}"
 
 
 @contextmanager
@@ -182,17 +222,13 @@ def _module_names() -> tuple[str, ...]:
     cls=Commands,
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="'gpsfsm COMMAND --help' tells more about a command.",
+    epilog="\b\nOptions: gpsfsm --version; gpsfsm COMMAND --help (the common ones), --help-all\n"
+    f"Documentation: {DOCUMENTATION}",
 )
-@click.version_option(__version__, "-v", "--version", message="gpsfsm %(version)s")
+@click.version_option(__version__, "-v", "-V", "--version", message="gpsfsm %(version)s")
 @click.pass_context
 def _GROUP(context: click.Context) -> None:  # noqa: N802  (it is an object, not a function)
-    """Formal checks for robot plans that language models write.
-
-    \b
-    Example:
-      gpsfsm check plan.xml
-    """  # noqa: D301  (click wants the \b)
+    """Check robot plans formally before they run, as in 'gpsfsm check plan.xml'."""
     if context.invoked_subcommand is None:
         write_message(f"{context.get_help()}\n")
         context.exit(_FAILED)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from gpsfsm.cli._help import declare, declare_file
 from gpsfsm.cli._options import Values, apply, folders_option, option
 from gpsfsm.errors import UsageError
 
@@ -25,51 +26,42 @@ ASKING = frozenset({"capabilities", "builtin_capabilities", "robot"})
 
 _WHAT = (
     click.argument("task", required=False),
-    click.option(
-        "--task-file",
-        metavar="FILE",
-        type=click.Path(),
-        help="Read the task from a text file; - is standard input.",
+    declare_file(
+        "--task-file", common=True, help="Read the task from this file; - is standard input."
     ),
 )
 _OFFERED = (
     folders_option("capabilities"),
-    click.option(
+    declare(
         "--builtin-capabilities/--no-builtin-capabilities",
         default=None,
-        help="Whether the built-in capabilities are offered. [default: yes]",
+        help="Offer the built-in capabilities. [default: yes]",
     ),
     option("robot"),
-    click.option(
+    declare(
         "--interface",
         "only",
         multiple=True,
         metavar="PATTERN",
-        help="Offer these interfaces only, such as 'nav2_capabilities/*'. May be repeated.",
+        common=True,
+        help="Offer only these, such as 'nav2_capabilities/*'.",
     ),
 )
 _FACTS = (
-    click.option(
-        "--world",
-        metavar="FILE",
-        type=click.Path(),
-        help="Tell where the robot of this world is, and the places that have names.",
-    ),
-    click.option(
+    declare_file("--world", common=True, help="Include the robot's pose and the named places."),
+    declare_file(
         "--facts",
         "fact_files",
         multiple=True,
-        metavar="FILE",
-        type=click.Path(),
-        help="Tell what stands in this text file. May be repeated.",
+        common=True,
+        help="Include this text file; may be repeated.",
     ),
-    click.option(
+    declare_file(
         "--example",
         "example_files",
         multiple=True,
-        metavar="FILE",
-        type=click.Path(),
-        help="Show this plan as an example. May be repeated.",
+        common=True,
+        help="Include this plan as an example; may be repeated.",
     ),
 )
 
@@ -93,7 +85,7 @@ class AskingValues(Values):
 
 def asking_options(command: _Command) -> _Command:
     """The task, what is offered, and what is known."""
-    return apply((*_WHAT, *_OFFERED, *_FACTS), command)
+    return apply((*_WHAT, *_OFFERED, *_FACTS), command, "The prompt")
 
 
 def task_of(task: str | None, task_file: str | None) -> str:
@@ -111,9 +103,7 @@ def capabilities_of(values: AskingValues) -> Capabilities:
     from gpsfsm.errors import ConfigError
 
     chosen = choose_capabilities(
-        values.capabilities,
-        builtin=values.builtin_capabilities is not False,
-        robot=values.robot,
+        values.capabilities, builtin=values.builtin_capabilities is not False, robot=values.robot
     )
     if chosen.defects:
         raise ConfigError("\n".join(chosen.defects))

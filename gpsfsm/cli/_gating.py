@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from gpsfsm.cli._help import declare, declare_file
 from gpsfsm.cli._options import (
+    ALLOW,
     SETTINGS,
     CheckValues,
     FailValues,
     apply,
     option,
-    reached,
     read_values,
     severity_of,
     words,
@@ -90,11 +91,10 @@ def settled(context: click.Context, kind: type[_Gate]) -> _Gate:
     return values
 
 
-task_option = click.option(
+task_option = declare_file(
     "--task",
-    metavar="FILE",
-    type=click.Path(),
-    help="A task file: what the plans have to do.",
+    common=True,
+    help="Task file that the plans must fulfil.",
 )
 
 
@@ -102,40 +102,62 @@ _STRICTNESS = (
     option(
         "fail_on",
         type=click.Choice(["error", "warning"]),
-        help="The least severity of a finding that refuses a plan.",
+        help="Lowest severity that rejects a plan.",
     ),
-    option("ignore", help="Let warnings of these rules refuse nothing."),
-    click.option(
+    option("ignore", help="Do not reject plans for warnings of these rules."),
+    declare(
         "--allow-suppressions",
         is_flag=True,
-        help="Let comments in a plan excuse its findings.",
+        help="Let comments in a plan suppress its findings.",
     ),
-    click.option("--allow-empty", is_flag=True, help="Accept plans in which nothing is done."),
-    click.option(
+    declare("--allow-empty", is_flag=True, common=True, help="Accept plans that do nothing."),
+    declare(
         "--budget-ms",
         type=click.IntRange(1, _MAX_BUDGET_MS),
         default=_BUDGET_MS,
         show_default=True,
         metavar="N",
-        help="What deciding a plan may take; a plan beyond it is undecided.",
+        common=True,
+        help="Time limit per plan; beyond it, it is undecided.",
     ),
-    click.option(
+    declare(
         "--memory-mb",
         type=click.IntRange(_LEAST_MEMORY_MB),
         default=_MEMORY_MB,
         show_default=True,
         metavar="N",
-        help="The memory of the process that decides; likewise.",
+        help="Memory limit of the deciding process; beyond it, likewise.",
     ),
 )
 
 
 def strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is refused."""
-    trees = click.option("--allow-trees", is_flag=True, help="Accept behaviour trees as well.")
-    return apply((*_STRICTNESS[:4], trees, *_STRICTNESS[4:]), command)
+    trees = declare("--allow-trees", is_flag=True, common=True, help="Accept behaviour trees too.")
+    return apply((*_STRICTNESS[:4], trees, *_STRICTNESS[4:]), command, "What is refused")
 
 
 def plan_strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """The same where plans are all that can pass."""
-    return apply(_STRICTNESS, command)
+    return apply(_STRICTNESS, command, "What is refused")
+
+
+def reach_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of a gate about what plans may reach."""
+    options = [
+        declare(name, multiple=True, metavar=metavar, help=text)
+        for name, metavar, text in ALLOW
+        if name != "--allow-module"
+    ]
+    return apply(options, command, "Permissions of real runners")
+
+
+def reached(values: Any) -> list[tuple[str, str]]:
+    """The values of these options: kind and value. Raises UsageError as ``permitted`` does."""
+    from gpsfsm.running.bounds import PERMISSIONS, permitted
+
+    return [
+        (name.removeprefix("allow_"), text)
+        for name in PERMISSIONS
+        for text in permitted(name, words(getattr(values, name, ())))
+    ]

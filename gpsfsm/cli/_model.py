@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from gpsfsm.cli._options import NumberRange, Values
+from gpsfsm.cli._help import declare
+from gpsfsm.cli._options import NumberRange, Values, apply
 
 if TYPE_CHECKING:
     from gpsfsm.generation.providers import Configured, ModelSettings
@@ -40,49 +41,49 @@ _OPTIONS: Sequence[tuple[str, str, Any, str, str]] = (
         "model_name",
         str,
         "PROVIDER:MODEL",
-        "The model to ask, such as ollama:qwen3:8b or openai:gpt-5. [env: GPSFSM_MODEL]",
+        "Model, such as ollama:qwen3:8b. [env: GPSFSM_MODEL]",
     ),
     (
         "--base-url",
         "model_base_url",
         str,
         "URL",
-        "Where its server is. [default: the provider's own; env: GPSFSM_BASE_URL]",
+        "URL of its server. [default: the provider's; env: GPSFSM_BASE_URL]",
     ),
     (
         "--temperature",
         "model_temperature",
         NumberRange(0, 2),
         "T",
-        "How freely it answers, where that can be said. [default: 0]",
+        "Sampling temperature, where supported. [default: 0]",
     ),
     (
         "--max-tokens",
         "model_max_tokens",
         click.IntRange(1, 1_000_000),
         "N",
-        "Tokens of an answer. [default: 4096]",
+        "Maximum number of tokens in an answer. [default: 4096]",
     ),
     (
         _TIMEOUT,
         "model_timeout",
         NumberRange(0, 86_400, min_open=True),
         "SECONDS",
-        "What one request to the model may take. [default: 300]",
+        "Time limit per request. [default: 300]",
     ),
     (
         "--retries",
         "model_retries",
         click.IntRange(0, 20),
         "N",
-        "How often a request that failed in passing is sent again. [default: 3]",
+        "Retries after a transient failure. [default: 3]",
     ),
     (
         "--context",
         "model_context",
         click.IntRange(256, 100_000_000),
         "TOKENS",
-        "How much the model can read and write together. [default: unknown]",
+        "Context window of the model. [default: unknown]",
     ),
 )
 
@@ -102,13 +103,21 @@ def model_options(*, timeout: str = _TIMEOUT) -> Callable[[_Command], _Command]:
     """
 
     def decorate(command: _Command) -> _Command:
-        command = click.option(
-            "--no-constrain", is_flag=True, help="Send no grammar, even if the server takes one."
-        )(command)
-        for option, parameter, kind, metavar, text in reversed(_OPTIONS):
-            name = timeout if option == _TIMEOUT else option
-            command = click.option(name, parameter, type=kind, metavar=metavar, help=text)(command)
-        return command
+        options = [
+            declare(
+                timeout if option == _TIMEOUT else option,
+                parameter,
+                common=option == "--model",
+                type=kind,
+                metavar=metavar,
+                help=text,
+            )
+            for option, parameter, kind, metavar, text in _OPTIONS
+        ]
+        free = declare(
+            "--no-constrain", is_flag=True, help="Send no grammar, even if the server supports one."
+        )
+        return apply([*options, free], command, "The model")
 
     return decorate
 

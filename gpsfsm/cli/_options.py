@@ -16,6 +16,15 @@ from click.core import ParameterSource
 
 from gpsfsm.checking.config import narrowing
 from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT, OPTIONS, Group, Kind, group
+from gpsfsm.cli._help import (
+    ANY_PATH,
+    OLD_OUTPUT,
+    complete_formats,
+    complete_rules,
+    declare,
+    declare_file,
+    put_below,
+)
 from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.ros import VIA
@@ -47,7 +56,9 @@ CONFIGURED = "configured"
 _ELSEWHERE = frozenset({"config", "isolated"})
 """Options that ``read_values`` itself obeys."""
 
-_ADDED = "Add the capability files below this folder. May be repeated."
+_FORMATS = ("format", "output_format", "table")
+
+_ADDED = "Folder of capability files; may be repeated."
 
 
 # --- the values of options ------------------------------------------------------------------------
@@ -164,12 +175,29 @@ def read_values(
     ``only`` names the options that a configuration file may set (None: all); with ``named`` only
     one that the command line names is read. Raises ConfigError.
     """
-    values = context.params
+    values = dict(context.params)
     if "config" in values:
         values = settle_named(context, only or ()) if named else settle(context, only)
+    if values.get("output_file") not in (None, STDOUT):
+        values |= _format_by_name(context, values)
     lacking = values.keys() - {each.name for each in fields(kind)} - _ELSEWHERE - kind.elsewhere
     assert not lacking, f"{kind.__qualname__} has no field for {sorted(lacking)}"
     return build(kind, values)
+
+
+def _format_by_name(context: click.Context, values: Mapping[str, Any]) -> dict[str, str]:
+    """The format that the name of the output file says, if no option and no setting says one."""
+    from gpsfsm.report import format_names, format_of
+
+    formats: dict[str, str] = {}
+    for each in context.command.params:
+        name = each.name or ""
+        if name not in _FORMATS or name in values.get(CONFIGURED, ()):
+            continue
+        if context.get_parameter_source(name) is ParameterSource.DEFAULT:
+            choices = getattr(each.type, "choices", None) or format_names()
+            formats[name] = format_of(values["output_file"], choices) or values[name]
+    return formats
 
 
 # --- options of the table -------------------------------------------------------------------------
@@ -194,7 +222,12 @@ def option(name: str, short: str = "", **changes: Any) -> Decorator:
     flag, more = entry.flag, _click_words(entry)
     if entry.kind is Kind.FLAG:
         flag = f"{flag}/--no-{flag.removeprefix('--')}"
-    return click.option(*filter(None, (short, flag)), **{**more, "help": entry.help, **changes})
+    words = {**more, "help": entry.help, "common": entry.common, **changes}
+
+    def decorate(command: _Command) -> _Command:
+        return apply([declare(*filter(None, (short, flag)), **words)], command, entry.group.value)
+
+    return decorate
 
 
 def _click_words(entry: Option) -> dict[str, Any]:
@@ -204,8 +237,12 @@ def _click_words(entry: Option) -> dict[str, Any]:
         keywords["metavar"] = entry.metavar
     if entry.kind.is_list:
         keywords["multiple"] = True
+        if entry.name in ("select", "ignore"):
+            keywords["shell_complete"] = complete_rules
     elif entry.default is not None and entry.default is not False:
         keywords["default"] = entry.default
+    if entry.name == "format":
+        keywords["shell_complete"] = complete_formats
     if entry.kind is Kind.CHOICE:
         keywords |= {"type": click.Choice(entry.choices), "show_default": True}
     elif entry.kind is Kind.COUNT:
@@ -213,7 +250,7 @@ def _click_words(entry: Option) -> dict[str, Any]:
     elif entry.kind is Kind.AMOUNT:
         keywords["type"] = float  # what is wrong with one is said by the options of the analysis
     elif entry.kind in (Kind.FILE, Kind.FOLDERS):
-        keywords["type"] = click.Path()
+        keywords["type"] = ANY_PATH
     return keywords
 
 
@@ -272,50 +309,54 @@ def _idle(command_name: str, name: str) -> Decorator:
 # --- other options that several commands share ----------------------------------------------------
 
 
-def apply(options: Sequence[Decorator], command: _Command) -> _Command:
-    """The command with these options; --help lists them in this order, above those it has."""
+def apply(options: Sequence[Decorator], command: _Command, heading: str = "") -> _Command:
+    """The command with these options; help lists them in this order, above those it has.
+
+    ``heading`` is for those that have none of their own.
+    """
     for option in reversed(options):
         command = option(command)  # type: ignore[assignment]  # click gives the command back
+    if heading:
+        put_below(heading, getattr(command, "__click_params__", [])[-len(options) :])
     return command
 
 
 def format_option(*formats: str, text: str) -> Decorator:
     """``--format`` as ``output_format``; the first of the formats is the default."""
-    return click.option(
+    return declare(
         "--format",
         "output_format",
         type=click.Choice(formats),
         default=formats[0],
         show_default=True,
+        common=True,
         help=text,
     )
 
 
 def output_option(
-    *names: str, text: str = "Write to this file instead of standard output."
+    text: str = "Write to this file; - is standard output.", *, default: str | None = STDOUT
 ) -> Decorator:
-    """``--output-file`` and its other names, such as ``-o``; standard output if it is not given."""
-    return click.option(
-        *names,
-        "--output-file",
-        default=STDOUT,
+    """``-o``, ``--output`` and its old name, as ``output_file``."""
+    return declare(
+        *("-o", "--output", OLD_OUTPUT, "output_file"),
+        common=True,
+        default=default,
         metavar="FILE",
-        type=click.Path(),
+        type=ANY_PATH,
         help=text,
     )
 
 
 def field_option() -> Decorator:
     """``--field``: where the answer is in a line of JSON."""
-    text = "The field of JSON lines that holds the answer; a.b is b in a. [default: the one there]"
-    return click.option("--field", metavar="NAME", help=text)
+    text = "Field of JSON lines that holds the answer; a.b is b inside a. [default: detected]"
+    return declare("--field", metavar="NAME", help=text)
 
 
 def folders_option(name: str, *, text: str = _ADDED) -> Decorator:
     """``--capabilities``: folders of capability files, as ``name``."""
-    return click.option(
-        "--capabilities", name, multiple=True, metavar="DIR", type=click.Path(), help=text
-    )
+    return declare("--capabilities", name, multiple=True, metavar="DIR", type=ANY_PATH, help=text)
 
 
 # --- configuration files -------------------------------------------------------------------------
@@ -323,16 +364,14 @@ def folders_option(name: str, *, text: str = _ADDED) -> Decorator:
 
 def config_options(command: _Command) -> _Command:
     """``--config`` and ``--isolated``."""
-    isolated = click.option(
-        "--isolated", is_flag=True, help="Read no configuration file, not even your own."
+    isolated = declare(
+        "--isolated", is_flag=True, help="Read no configuration file, not even your user file."
     )
-    config = click.option(
+    config = declare_file(
         "--config",
-        metavar="FILE",
-        type=click.Path(),
-        help="Read this configuration file instead of looking for one.",
+        help="Use this configuration file instead of searching for one.",
     )
-    return config(isolated(command))
+    return apply((config, isolated), command, "Configuration")
 
 
 def settle(context: click.Context, only: Iterable[str] | None = None) -> dict[str, Any]:
@@ -343,7 +382,7 @@ def settle(context: click.Context, only: Iterable[str] | None = None) -> dict[st
     values = dict(context.params)
     file, isolated = values.pop("config"), values.pop("isolated")
     if isolated and file is not None:
-        raise click.UsageError("--config and --isolated contradict each other", context)
+        raise click.UsageError("--config and --isolated cannot be used together", context)
     _take(context, values, configs(file, isolated=isolated), only)
     return values
 
@@ -357,7 +396,7 @@ def settle_named(context: click.Context, only: Iterable[str]) -> dict[str, Any]:
     values = dict(context.params)
     file, isolated = values.pop("config"), values.pop("isolated", False)
     if isolated and file is not None:
-        raise click.UsageError("--config and --isolated contradict each other", context)
+        raise click.UsageError("--config and --isolated cannot be used together", context)
     from gpsfsm.checking.config import load_config
 
     _take(context, values, [] if file is None else [load_config(file)], only)
@@ -457,7 +496,7 @@ def exit_code(values: FailValues, report: Report) -> int:
         return excused
     code = report.exit_code(fail_on)
     if code != excused:
-        complain("comments in a plan excuse nothing; --allow-suppressions lets them")
+        complain("comments in plans do not suppress findings; --allow-suppressions changes that")
     return code
 
 
@@ -480,17 +519,17 @@ def severity_of(fail_on: str) -> Severity | None:
 
 # --- what real runners may reach -----------------------------------------------------------------
 
-_ALLOW = (
-    ("--allow-host", "HOST", "A host that an HttpRunner may reach; may be repeated."),
-    ("--allow-program", "PROGRAM", "A program that a ProcessRunner may start; may be repeated."),
+ALLOW = (
+    ("--allow-host", "HOST", "Host that an HttpRunner may reach; may be repeated."),
+    ("--allow-program", "PROGRAM", "Program that a ProcessRunner may start; may be repeated."),
     (
         "--allow-function",
         "MODULE:NAME",
-        "A function that a PythonRunner may call; may be repeated.",
+        "Function that a PythonRunner may call; may be repeated.",
     ),
     (
         *("--allow-module", "MODULE"),
-        "A module from which capability files may name runners; may be repeated.",
+        "Module whose runners capability files may name; may be repeated.",
     ),
 )
 
@@ -498,10 +537,9 @@ _ALLOW = (
 def allow_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what real runners may reach."""
     options = [
-        click.option(name, multiple=True, metavar=metavar, help=text)
-        for name, metavar, text in _ALLOW
+        declare(name, multiple=True, metavar=metavar, help=text) for name, metavar, text in ALLOW
     ]
-    return apply(options, command)
+    return apply(options, command, "Permissions of real runners")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -529,23 +567,23 @@ def permissions(values: AllowValues, robot: Iterable[tuple[str, str]] = ()) -> d
 
 def ros_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """The option of commands that make a node of ROS 2; ``ros_sections`` splits what follows it."""
-    option = click.option(
+    option = declare(
         "--ros-args",
         multiple=True,
         metavar="... [--]",
-        help="What a node of ROS 2 takes, such as -r old:=new, to the end of the line or to --.",
+        help="ROS 2 node arguments such as -r old:=new, up to -- or the end of the line.",
     )
-    return option(command)
+    return apply([option], command, "ROS 2")
 
 
 def via_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """The option about which server has the runners of a robot act."""
-    option = click.option(
+    option = declare(
         "--via",
         type=click.Choice(VIA),
-        help="With --real: let the runners of this server of the robot act, not those of gpsfsm.",
+        help="With --real: use the runners of this server on the robot instead of gpsfsm's own.",
     )
-    return option(command)
+    return apply([option], command, "ROS 2")
 
 
 def ros_settings(
@@ -556,24 +594,3 @@ def ros_settings(
 
     settings = RosSettings() if capabilities.robot is None else capabilities.robot.ros
     return replace(settings, arguments=tuple(arguments), via=via or settings.via).data()
-
-
-def reach_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options of a gate about what plans may reach."""
-    options = [
-        click.option(name, multiple=True, metavar=metavar, help=text)
-        for name, metavar, text in _ALLOW
-        if name != "--allow-module"
-    ]
-    return apply(options, command)
-
-
-def reached(values: Any) -> list[tuple[str, str]]:
-    """The values of these options: kind and value. Raises UsageError as ``permitted`` does."""
-    from gpsfsm.running.bounds import PERMISSIONS, permitted
-
-    return [
-        (name.removeprefix("allow_"), text)
-        for name in PERMISSIONS
-        for text in permitted(name, words(getattr(values, name, ())))
-    ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._help import declare, declare_file
 from gpsfsm.cli._model import ModelValues
 from gpsfsm.cli._options import NumberRange, apply
 from gpsfsm.errors import UsageError
@@ -30,39 +31,33 @@ _NEED_MODEL = ("task", "task_file", "regenerations", "regenerate_for", "attempts
 def regeneration_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about the task, and about how often and how long a model may be asked."""
     options = (
-        click.option(
+        declare(
             "--task",
             metavar="TEXT",
-            help="What the plan is for: told to the model when it gives up. "
-            "[default: the plan itself]",
+            help="Task of the plan, sent to the model if it gives up. [default: the plan itself]",
         ),
-        click.option(
-            "--task-file",
-            metavar="FILE",
-            type=click.Path(),
-            help="Read the task from a text file.",
-        ),
-        click.option(
+        declare_file("--task-file", help="Read the task from this text file."),
+        declare(
             "--regenerations",
             type=click.IntRange(0, MOST_REGENERATIONS),
             metavar="N",
-            help="How many plans the model may write behind one that gave up. "
+            help="Maximum number of plans that the model writes after one gives up. "
             f"[default: {REGENERATIONS} with --model, else 0]",
         ),
-        click.option(
+        declare(
             "--regenerate-for",
             type=NumberRange(0, MOST_S, min_open=True),
             metavar="SECONDS",
-            help=f"How long it may take for all of them. [default: {REGENERATE_FOR_S:g}]",
+            help=f"Time limit for all regenerations. [default: {REGENERATE_FOR_S:g}]",
         ),
-        click.option(
+        declare(
             "--attempts",
             type=click.IntRange(1, MOST_ATTEMPTS),
             metavar="N",
-            help=f"How often it is asked for each of them. [default: {ATTEMPTS}]",
+            help=f"Attempts per regeneration. [default: {ATTEMPTS}]",
         ),
     )
-    return apply(options, command)
+    return apply(options, command, "When a plan gives up")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +83,7 @@ def wanted(values: RegenerationValues, model: ModelSettings | None) -> dict[str,
     if not (flags or values.model_name) or values.regenerations == 0:
         return {}
     if model is None:
-        raise UsageError(f"{flags[0]} needs a model that is asked; name one with --model")
+        raise UsageError(f"{flags[0]} needs a model; name one with --model")
     options: dict[str, RunValue] = {
         "regenerations": values.regenerations or REGENERATIONS,
         "regenerate_for_s": values.regenerate_for or REGENERATE_FOR_S,

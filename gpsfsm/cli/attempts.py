@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._options import Values, format_option, output_option, read_values
 from gpsfsm.cli.generate import JOURNAL
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
@@ -34,35 +35,37 @@ class AttemptsCommand(Values):
     output_file: str
 
 
-@click.command("attempts", short_help="Show what models have answered.")
-@click.argument("journal", default=JOURNAL, metavar="[JOURNAL]", type=click.Path())
-@format_option("table", "json", text="How to write it.")
-@click.option(
+@click.command(
+    "attempts", cls=Command, section=Section.GENERATE, short_help="Show the answers of models."
+)
+@click.argument("journal", default=JOURNAL, metavar="[JOURNAL]", type=ANY_PATH)
+@format_option("table", "json", text="Output format.")
+@declare(
     "--session",
     "number",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Only this one: a session is one search for a plan. [default: all]",
+    help="Show one session, a search for a plan. [default: all]",
 )
-@click.option(
+@declare(
     "--show",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Show all of the Nth attempt of the session. [default session: the last]",
+    help="Show the Nth attempt of the session in full. [default session: the last]",
 )
-@output_option("-o", text="Write to this file. [default: standard output]")
+@output_option()
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
-    """Show what models have answered in JOURNAL, gpsfsm.db if none is named.
+    r"""Show the answers of models, as recorded in JOURNAL (default: gpsfsm.db).
 
     \b
     Examples:
       gpsfsm attempts
       gpsfsm attempts run.db --session 2 --show 1
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, AttemptsCommand)
     if values.show and values.output_format == "json":
-        raise UsageError("--show and --format json exclude each other: json holds everything")
+        raise UsageError("--show cannot be used with --format json, which shows everything")
     check_writable(values.output_file, [values.journal])
     from gpsfsm.execution.journal_errors import JournalError
     from gpsfsm.execution.journal_read import JournalReader

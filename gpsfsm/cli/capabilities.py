@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, CommandGroup, Section, declare
 from gpsfsm.cli._options import apply, folders_option, format_option, ros_option
-from gpsfsm.streams import Form, complain, terminal_width, write_message, write_text
+from gpsfsm.streams import Form, complain, terminal_width, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -19,13 +20,13 @@ if TYPE_CHECKING:
 _MAX_WIDTH = 100
 _FORMAT_VERSION = 1
 
-_format = format_option("text", "json", text="How to write it.")
-_no_builtin = click.option(
+_format = format_option("text", "json", text="Output format.")
+_no_builtin = declare(
     "--no-builtin",
     "--no-builtin-capabilities",
     "no_builtin",
     is_flag=True,
-    help="Leave the built-in capabilities out.",
+    help="Leave out the built-in capabilities.",
 )
 
 
@@ -35,31 +36,28 @@ def _library_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.group(
     "capabilities",
+    cls=CommandGroup,
+    section=Section.MAINTAIN,
     short_help="List, show and check capabilities.",
-    invoke_without_command=True,
 )
-@click.pass_context
-def COMMAND(context: click.Context) -> None:  # noqa: N802  (it is an object)
-    """Capabilities of runners: their parameters, inputs, outputs and effects.
+def COMMAND() -> None:  # noqa: N802  (it is an object)
+    r"""List, show and check capabilities: parameters, inputs, outputs and effects of runners.
 
     \b
     Example:
       gpsfsm capabilities show WaypointRunner
-    """  # noqa: D301  (click wants the \b)
-    if context.invoked_subcommand is None:
-        write_message(f"{context.get_help()}\n")
-        context.exit(2)
+    """
 
 
 @COMMAND.command("list", short_help="List all interfaces.")
 @_library_options
 def _list(folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
-    """List all interfaces with their providers.
+    r"""List all interfaces with their providers.
 
     \b
     Example:
       gpsfsm capabilities list --capabilities my_robot
-    """  # noqa: D301  (click wants the \b)
+    """
     library = _library(folders, no_builtin)
     from gpsfsm.capabilities.describe import list_data, list_lines
 
@@ -73,18 +71,18 @@ def _list(folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
     return 0
 
 
-@COMMAND.command("show", short_help="Show one capability.")
+@COMMAND.command("show", short_help="Show a capability.")
 @click.argument("name")
 @_library_options
 def _show(name: str, folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
-    """Show the interface or provider NAME, and how a plan writes it.
+    r"""Show the interface or provider NAME, and how a plan writes it.
 
     NAME may be one of another dialect, and may lack its package if there is only one.
 
     \b
     Example:
       gpsfsm capabilities show WaypointRunner
-    """  # noqa: D301  (click wants the \b)
+    """
     library = _library(folders, no_builtin)
     from gpsfsm.capabilities.describe import find, show_data, show_lines
 
@@ -98,18 +96,18 @@ def _show(name: str, folders: Sequence[str], no_builtin: bool, output_format: st
 
 
 @COMMAND.command("check", short_help="Check capability files.")
-@click.argument("folders", nargs=-1, required=True, metavar="DIR...", type=click.Path())
-@click.option(
+@click.argument("folders", nargs=-1, required=True, metavar="DIR...", type=ANY_PATH)
+@declare(
     "--fail-on",
     type=click.Choice(["error", "warning"]),
     default="error",
     show_default=True,
-    help="The least severity that makes the exit code 1.",
+    help="Lowest severity that makes the exit code 1.",
 )
 @_no_builtin
 @_format
 def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format: str) -> int:
-    """Check the capability files below the folders DIR, or single files.
+    r"""Check the capability files below the folders DIR, or single files.
 
     \b
     Exit code: 0 nothing found, 1 defects, 2 no capability could be read.
@@ -117,7 +115,7 @@ def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format
     \b
     Example:
       gpsfsm capabilities check my_robot --fail-on warning
-    """  # noqa: D301  (click wants the \b)
+    """
     loaded = _load(folders, no_builtin)
     library = loaded.library
     errors = sum(defect.severity == "error" for defect in loaded.defects)
@@ -141,27 +139,28 @@ def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format
     return 1 if errors or (fail_on == "warning" and loaded.defects) else 0
 
 
-@COMMAND.command("pull", short_help="Write down what a robot offers.")
-@click.option(
+@COMMAND.command("pull", short_help="Save what a robot offers as files.")
+@declare(
+    "-o",
     "--output",
     metavar="FOLDER",
-    type=click.Path(),
+    type=ANY_PATH,
     default="robot",
     show_default=True,
-    help="The folder for the capability files and robot.yaml.",
+    help="Folder for the capability files and robot.yaml.",
 )
-@click.option("--name", default="", metavar="NAME", help="The name of the robot. [default: FOLDER]")
-@click.option("--force", is_flag=True, help="Overwrite files in the folder.")
+@declare("--name", default="", metavar="NAME", help="Name of the robot. [default: FOLDER]")
+@declare("--force", is_flag=True, help="Overwrite files in the folder.")
 @ros_option
 def _pull(output: str, name: str, force: bool, ros_args: Sequence[str]) -> int:
-    """Write down what the capability server of a robot offers.
+    """Save what the capability server of a robot offers.
 
-    The folder gets robot.yaml, a robot profile, and capability files of what gpsfsm does not
-    describe itself. A plan runs on the robot's own runners with --robot FOLDER/robot.yaml.
+    The folder gets a robot profile, robot.yaml, and files for capabilities that are not built in.
+    With --robot FOLDER/robot.yaml a plan runs on the robot's own runners.
 
-    Exit code: 0 all was written, 1 some of it does not fit and is listed, 2 there is no server.
+    Exit code: 0 everything written, 1 some of it does not fit and is listed, 2 no server.
 
-    Example: gpsfsm capabilities pull --output my_robot
+    Example: gpsfsm capabilities pull -o my_robot
     """
     from gpsfsm.ros.pull import pull_into
 

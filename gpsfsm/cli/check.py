@@ -9,6 +9,7 @@ import click
 
 from gpsfsm.checking.config import settings_used
 from gpsfsm.checking.option_table import BY_NAME
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare, declare_file
 from gpsfsm.cli._options import (
     CheckValues,
     FailValues,
@@ -35,10 +36,9 @@ from gpsfsm.streams import (
     MANY,
     STDOUT,
     Form,
-    Stream,
     check_writable,
-    drawing,
-    is_terminal,
+    counted,
+    progress_bar,
     terminal_width,
     wants_color,
     write_message,
@@ -67,31 +67,36 @@ def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is shown and where."""
     options = (
         option("format", help=_format_help()),
-        output_option("-o", text="Write the report to this file instead of standard output."),
+        output_option(),
         option("baseline"),
-        click.option(
-            "--no-baseline", is_flag=True, help="Use no baseline, even if one is configured."
-        ),
+        declare("--no-baseline", is_flag=True, help="Ignore any configured baseline."),
         option("quiet", "-q"),
-        option("verbose"),
+        option("verbose", "-v"),
         option("statistics"),
         jobs_option("Check"),
         field_option(),
         option("color"),
     )
-    return apply(options, command)
+    return apply(options, command, "Output")
 
 
 def _fix_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about repairs."""
     options = (
-        click.option("--fix", is_flag=True, help="Repair the plans in place, then check them."),
-        click.option("--unsafe-fixes", is_flag=True, help="With --fix or --diff: as in fix."),
-        click.option(
-            "--diff", is_flag=True, help="Show what --fix would change, then what it would leave."
+        declare(
+            "--fix", is_flag=True, common=True, help="Repair the plans in place, then check them."
+        ),
+        declare(
+            "--unsafe-fixes", is_flag=True, help="With --fix or --diff: apply unsafe fixes too."
+        ),
+        declare(
+            "--diff",
+            is_flag=True,
+            common=True,
+            help="Show what --fix would change and what would remain.",
         ),
     )
-    return apply(options, command)
+    return apply(options, command, "Repairs")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,13 +121,14 @@ class CheckCommand(CheckValues, FailValues):
     time_limit: float | None
 
 
-@click.command("check", short_help="Check plans.")
-@click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
-@click.option(
+@click.command(
+    "check", cls=Command, section=Section.CHECK, short_help="Check plans and report findings."
+)
+@click.argument("paths", nargs=-1, metavar="PATH…", type=ANY_PATH)
+@declare_file(
     "--task",
-    metavar="FILE",
-    type=click.Path(),
-    help="A task file: also decide whether the plans do what it asks for.",
+    common=True,
+    help="Also check that the plans fulfil this task file.",
 )
 @_output_options
 @selection_options
@@ -133,26 +139,26 @@ class CheckCommand(CheckValues, FailValues):
 @effort_options
 @option("require_proof")
 @option("tolerate")
-@click.option(
+@declare(
     "--time-limit",
     type=NumberRange(0.1, 86_400.0),
     metavar="SECONDS",
-    help="What checking a plan may take; beyond it is undecided, exit code 2. [default: none]",
+    help="Time limit per plan; beyond it, the plan is undecided, exit code 2. [default: none]",
 )
 @limit_options
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Check the plans in PATH…: files, folders (all *.xml in them), or - for standard input.
+    r"""Check the plans in PATH…: files, folders (every *.xml in them), or - for stdin.
 
     \b
-    Exit code: 0 nothing at or above --fail-on, 1 findings, 2 a plan could not be checked.
-    Settings may stand in a gpsfsm.toml or below [tool.gpsfsm] in a pyproject.toml.
+    Exit code: 0 no finding at or above --fail-on, 1 findings, 2 not checked.
+    Settings can be in gpsfsm.toml, or in pyproject.toml under [tool.gpsfsm].
 
     \b
     Example:
       gpsfsm check plans/ --assume 'never fails: SpeechRunner' --fail-on warning
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, CheckCommand)
     if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
@@ -205,9 +211,9 @@ def _fix_all(
     from gpsfsm.fixing.files import Wish, check_target, fix_inputs
 
     if values.time_limit is not None:
-        raise UsageError("--time-limit goes without --fix and --diff, which check more than once")
+        raise UsageError("--time-limit cannot be used with --fix or --diff: they check repeatedly")
     if values.diff and (values.format != "text" or values.fix):
-        raise UsageError("--diff goes with --format text, and without --fix")
+        raise UsageError("--diff needs --format text, and cannot be used with --fix")
     if any(each.stdin for each in inputs) and not values.diff:
         raise UsageError("--fix changes files; 'gpsfsm fix -' repairs standard input")
     wish = Wish(values.unsafe_fixes, values.diff, in_place=True)
@@ -243,13 +249,11 @@ def _check_all(
         from gpsfsm.checking.parallel import check_inputs
 
         reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=limit_s)
-    if values.quiet or len(inputs) < MANY or not is_terminal(Stream.ERR):
+    if values.quiet:
         yield from reports
         return
-    with click.progressbar(
-        reports, length=len(inputs), label="checking", file=drawing(Stream.ERR), show_pos=True
-    ) as shown:
-        yield from shown
+    with progress_bar("checking", len(inputs), at_least=MANY) as progress:
+        yield from counted(reports, len(inputs), progress)
 
 
 def _render_options(values: CheckCommand, options: CheckOptions) -> RenderOptions:

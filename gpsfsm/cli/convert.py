@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._options import (
     LIMITS,
     LimitValues,
@@ -36,25 +37,32 @@ class ConvertCommand(LimitValues):
 
 _HELP = """Write the plan, behaviour tree or machine in PATH in another format.
 
-What is written is read again and compared with the original ('gpsfsm diff'). A node that the format
-cannot say is named, and nothing is written.
+The result is read again and proved equivalent to the original. If the format cannot express a node,
+gpsfsm names the node and writes nothing.
 
 \b
-Exit code: 0 written, 1 the text has errors or the format cannot say it, 2 not decided, or the file
-cannot be read.
+Exit code: 0 written, 1 the text has errors or the format cannot express it,
+2 undecided, or the file cannot be read.
 
 \b
 Example:
-  gpsfsm convert tree.xml --to plan --output-file plan.xml
+  gpsfsm convert tree.xml --to plan -o plan.xml
 """
 
 
-@click.command("convert", short_help="Write a plan, tree or machine in another format.", help=_HELP)
-@click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
-@click.option(
+@click.command(
+    "convert",
+    cls=Command,
+    section=Section.MEND,
+    short_help="Write a plan, tree or machine in another format.",
+    help=_HELP,
+)
+@click.argument("path", required=False, metavar="PATH", type=ANY_PATH)
+@declare(
     "--to",
     required=True,
     metavar="FORMAT",
+    common=True,
     help=f"{', '.join(_PROVED)}: proved to do the same; {', '.join(_DRAWN)}: the automaton.",
 )
 @output_option()
@@ -78,7 +86,7 @@ def _run(values: ConvertCommand) -> int:
     parsed = parse_named(values.path, values.limits, from_response=values.from_response)
     code = tell_errors(parsed)
     if code or parsed.plan is None:
-        complain(f"{parsed.file}: the text has errors; mend it first")
+        complain(f"{parsed.file}: the text has errors; fix them first")
         return code or 1
     if values.to in _DRAWN:
         from gpsfsm.cli.show import DRAWINGS
@@ -96,12 +104,12 @@ def _run(values: ConvertCommand) -> int:
         plan = parsed.plan
         place = next((e for e in plan.elements if plan.path(e) == error.path), plan.elements[0])
         where = f"{place.file or parsed.file}:{place.line}"
-        complain(f"{where}: {values.to} cannot say {error.path}: {error.why}")
+        complain(f"{where}: {values.to} cannot express {error.path}: {error.why}")
         return 1
     except GpsfsmError as error:
         raise GpsfsmError(f"{parsed.file}: not converted: {error}") from error
     write_text(text, values.output_file, form=form_of("graphml"))
-    complain(f"{parsed.file}: the same as {values.to}, proved by comparing both")
+    complain(f"{parsed.file}: written as {values.to}, proved to be equivalent")
     return 0
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._options import (
     LIMITS,
     LimitValues,
@@ -48,43 +49,41 @@ class DiffCommand(LimitValues):
     output_file: str
 
 
-@click.command("diff", short_help="Tell whether two plans do the same.")
-@click.argument("first", required=False, metavar="PATH", type=click.Path(allow_dash=True))
-@click.argument("second", required=False, metavar="PATH", type=click.Path(allow_dash=True))
-@format_option("text", "json", text="text: for people; json: for programs.")
-@option(
-    "assume",
-    help="Consider only runs where this holds in both plans, e.g. 'never fails: SpeechRunner'.",
+@click.command(
+    "diff", cls=Command, section=Section.CHECK, short_help="Compare the behaviour of two plans."
 )
-@option("consistent", help="Only scenarios in which equal actions have equal outcomes.")
-@click.option(
+@click.argument("first", required=False, metavar="PATH", type=ANY_PATH)
+@click.argument("second", required=False, metavar="PATH", type=ANY_PATH)
+@format_option("text", "json", text="Output format.")
+@option("assume", help="Assume this in both plans, such as 'never fails: SpeechRunner'.")
+@option("consistent", help="Assume that equal actions have equal outcomes.")
+@declare(
     "--tolerance",
     type=NumberRange(min=0.0),
     default=0.0,
     metavar="NUMBER",
-    help="Numbers of a parameter that differ by no more are equal. [default: 0]",
+    common=True,
+    help="Treat numbers that differ by at most this as equal. [default: 0]",
 )
-@option(
-    "from_response",
-    help="The texts are a language model's raw answers: take the last plan in each.",
-)
+@option("from_response", help="The texts are raw answers of a model: take the last plan in each.")
 @output_option()
 @limit_options
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Tell whether two plans do the same, or the first scenario in which they differ.
+    r"""Compare the behaviour of two plans; show the first scenario in which they differ.
 
-    Names, layout, providers and the order of parallel units make no difference. Machines count too.
+    Names, layout, providers and the order of parallel units do not matter. Machines can be compared
+    too.
 
     \b
-    Exit code: 0 the same, 1 different, 2 not decided, or a plan cannot be read.
+    Exit code: 0 equivalent, 1 different, 2 undecided or not readable.
 
     \b
     Examples:
       gpsfsm diff a.xml b.xml
       gpsfsm diff --tolerance 0.01 --format json a.xml b.xml
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, DiffCommand, {*LIMITS, "from_response", "consistent", "assume"})
     tell_narrowing(values)
     paths = [path for path in (values.first, values.second) if path]
@@ -107,7 +106,7 @@ def _run(paths: list[str], values: DiffCommand) -> int:
         if code or each.plan is None:
             name = "<stdin>" if path == "-" else path
             raise GpsfsmError(
-                f"{name}: the text has errors; it is not clear what the plan does. Mend it first "
+                f"{name}: the text has errors, so the plan is ambiguous; fix them first "
                 "('gpsfsm fix' may help)"
             )
     plans = [each.plan for each in parsed if each.plan is not None]

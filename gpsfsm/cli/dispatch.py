@@ -8,12 +8,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gpsfsm.cli._gating import GateValues, plan_strictness_options, settled, task_option
+from gpsfsm.cli._gating import (
+    GateValues,
+    plan_strictness_options,
+    reach_options,
+    settled,
+    task_option,
+)
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare, declare_file
 from gpsfsm.cli._options import (
     NumberRange,
     format_option,
     library_options,
-    reach_options,
     ros_option,
     ros_settings,
 )
@@ -28,12 +34,12 @@ _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
 
 _HELP = """Submit the plan in PATH, or in standard input for -, to a Fabric server on ROS 2.
 
-The gate decides first, as 'gpsfsm gate' with the engine of the server. What is accepted is
-submitted and followed to its end; Ctrl-C cancels it. Where the run left the plan is explained.
+The gate decides first, for the engine of the server. An accepted plan is submitted and followed to
+its end; Ctrl-C cancels it.
 
 \b
-Exit code: 0 the plan completed; 1 it did not, or is rejected and was not submitted; 2 it is
-undecided or could not be submitted; 130 cancelled with Ctrl-C.
+Exit code: 0 completed; 1 not completed, or rejected and not submitted;
+2 undecided, or could not be submitted; 130 cancelled with Ctrl-C.
 
 \b
 Example:
@@ -58,53 +64,60 @@ class DispatchCommand(GateValues):
 
 
 @click.command(
-    "dispatch", help=_HELP, short_help="Submit a plan to a Fabric server, and follow it."
+    "dispatch",
+    cls=Command,
+    section=Section.RUN,
+    help=_HELP,
+    short_help="Submit a plan to a Fabric server and follow it.",
 )
-@click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
+@click.argument("path", required=False, metavar="PATH", type=ANY_PATH)
 @task_option
 @plan_strictness_options
 @reach_options
 @library_options
-@click.option(
+@declare(
     "--namespace",
     default="/fabric",
     show_default=True,
     metavar="NAME",
-    help="The namespace of the server's names.",
+    common=True,
+    help="Namespace of the server.",
 )
-@click.option(
+@declare(
     "--events",
     default="/capabilities/events",
     show_default=True,
     metavar="TOPIC",
-    help="The topic on which the Capabilities2 server tells what becomes of runners.",
+    help="Topic on which the Capabilities2 server reports runner events.",
 )
-@click.option(
+@declare(
     "--wait",
     type=NumberRange(0, 1e6),
     default=5.0,
     show_default=True,
     metavar="SECONDS",
-    help="How long to wait for the server.",
+    common=True,
+    help="Time to wait for the server.",
 )
-@click.option(
+@declare(
     "--timeout",
     type=NumberRange(0, 1e9, min_open=True),
     metavar="SECONDS",
-    help="Cancel the plan if it has not ended by then.",
+    common=True,
+    help="Cancel the plan after this time.",
 )
-@click.option("--journal", metavar="FILE", type=click.Path(), help="Keep every event in this file.")
-@click.option(
+@declare_file("--journal", common=True, help="Journal: record every event in this file.")
+@declare(
     "--durability",
     type=click.Choice(["power", "process", "none"]),
     default="power",
     show_default=True,
-    help="What the journal outlives: a power failure, the end of the process, or nothing.",
+    help="What the journal survives: a power failure, the end of the process, or nothing.",
 )
 @ros_option
-@format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
-@click.option("--verbose", is_flag=True, help="Tell every event.")
-@click.option("--config", metavar="FILE", help="Read this configuration file. [default: none]")
+@format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else lines.")
+@declare("--verbose", is_flag=True, help="Show every event.")
+@declare("--config", metavar="FILE", help="Use this configuration file. [default: none]")
 @click.pass_context
 def _command(context: click.Context, /, **_: object) -> int:
     """Run ``gpsfsm dispatch``."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._options import Values, format_option, output_option, read_values
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.streams import (
@@ -50,8 +51,8 @@ class EventsCommand(Values):
     output_file: str
 
 
-@click.command("events", short_help="Show the events of a run.")
-@click.argument("journal", required=False, metavar="JOURNAL", type=click.Path())
+@click.command("events", cls=Command, section=Section.RUN, short_help="Show the events of a run.")
+@click.argument("journal", required=False, metavar="JOURNAL", type=ANY_PATH)
 @format_option(
     "table",
     "jsonl",
@@ -60,7 +61,7 @@ class EventsCommand(Values):
     text="table: for people; jsonl: the same bytes for the same run; svg: a timeline; mcap: a "
     "recording for Foxglove, which goes to a file.",
 )
-@click.option(
+@declare(
     "--run",
     "number",
     type=click.IntRange(min=1),
@@ -68,42 +69,37 @@ class EventsCommand(Values):
     help="The number of the run in the journal. [default: the last one; as a table also the plans "
     "that it continues]",
 )
-@click.option("--list", "list_runs", is_flag=True, help="List the runs of the journal instead.")
-@click.option(
-    "--queue",
-    "show_queue",
-    is_flag=True,
-    help="Show instead what became of the plans that were queued with the run.",
+@declare("--list", "list_runs", is_flag=True, help="List the runs in the journal instead.")
+@declare(
+    "--queue", "show_queue", is_flag=True, help="Show the queued plans and their results instead."
 )
-@click.option("--wall-clock", is_flag=True, help="Add the date and time of each event.")
-@click.option(
-    "--verify",
-    is_flag=True,
-    help="Check all of the journal first, also what is not shown; show nothing if it is damaged.",
+@declare("--wall-clock", is_flag=True, help="Add the date and time of each event.")
+@declare(
+    "--verify", is_flag=True, help="Verify the whole journal first; show nothing if it is damaged."
 )
 @output_option()
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Show the events of a run that is in JOURNAL, also while it runs.
+    r"""Show the events of a run in JOURNAL, also while it runs.
 
-    What is shown is compared with the hashes in the journal. Of a journal that is damaged it is
-    first said what is wrong or missing; then all is shown that can still be read.
+    All events are verified against the hashes in the journal. If it is damaged, the damage is
+    reported first, then everything that can still be read is shown.
 
     \b
     Exit code: 0 shown, 2 not possible, or something is missing.
 
     \b
     Examples:
-      gpsfsm events run.db --format svg --output-file run.svg
-      gpsfsm events run.db --format mcap --output-file run.mcap
+      gpsfsm events run.db --format svg -o run.svg
+      gpsfsm events run.db --format mcap -o run.mcap
       gpsfsm events run.db --queue
-    """  # noqa: D301  (click wants the \b)
+    """
     if not context.params["journal"]:
         raise click.UsageError(_NO_JOURNAL, context)
     values = read_values(context, EventsCommand)
     if values.show_queue and (values.list_runs or values.output_format == "svg"):
         other = "--list" if values.list_runs else "--format svg"
-        raise UsageError(f"--queue and {other} exclude each other")
+        raise UsageError(f"--queue and {other} cannot be used together")
     check_writable(values.output_file, [values.journal])
     if values.output_format == "mcap":
         _refuse_mcap(values)
@@ -114,9 +110,9 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 def _refuse_mcap(values: EventsCommand) -> None:
     if values.list_runs or values.show_queue:
         other = "--list" if values.list_runs else "--queue"
-        raise UsageError(f"{other} and --format mcap exclude each other")
+        raise UsageError(f"{other} and --format mcap cannot be used together")
     if values.output_file == STDOUT and is_terminal(Stream.OUT):
-        raise UsageError("--format mcap is no text; name a file with --output-file")
+        raise UsageError("--format mcap is binary; name a file with --output")
     from gpsfsm.watch.mcap_file import require_mcap
 
     require_mcap()
@@ -166,8 +162,8 @@ def _checked(reader: JournalReader, values: EventsCommand) -> tuple[list[str], l
             reader.verify_all()
         if (values.verify or values.wall_clock) and not reader.covers_wall_times:
             notes.append(
-                f"{reader.path}: an earlier gpsfsm has written to this journal: no hash covers the "
-                "dates and times and the names of files that it wrote"
+                f"{reader.path}: an earlier gpsfsm has written to this journal: no hash covers its "
+                "dates, times and file names"
             )
     except JournalError as error:
         if values.verify:

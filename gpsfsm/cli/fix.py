@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gpsfsm.checking.config import settings_used
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._options import (
     SETTINGS,
     CheckValues,
@@ -20,9 +21,9 @@ from gpsfsm.cli._options import (
     idle_options,
     limit_options,
     option,
+    output_option,
     read_values,
     scenario_options,
-    selection_options,
     tell_settings,
 )
 from gpsfsm.fixing.files import Outcome, Wish, check_target, fix_inputs, takes_stdout, total_line
@@ -47,22 +48,26 @@ class FixCommand(CheckValues, FailValues):
     quiet: bool
 
 
-@click.command("fix", short_help="Repair plans without a language model.")
-@click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
-@click.option(
-    "--unsafe-fixes", is_flag=True, help="Also fixes that may change what the plan means."
+@click.command(
+    "fix", cls=Command, section=Section.MEND, short_help="Repair plans without a language model."
 )
-@click.option("--diff", is_flag=True, help="Show what would change, and write no plan.")
-@click.option(
-    "-o",
-    "--output-file",
-    metavar="FILE",
-    type=click.Path(allow_dash=True),
-    help="Write the fixed plan here (- for standard output) and leave its file as it is.",
+@click.argument("paths", nargs=-1, metavar="PATH…", type=ANY_PATH)
+@declare(
+    "--unsafe-fixes",
+    is_flag=True,
+    common=True,
+    help="Also apply fixes that may change what the plan means.",
+)
+@declare("--diff", is_flag=True, common=True, help="Show what would change; write nothing.")
+@output_option(
+    "Write the repaired plan to this file and leave the original as it is.", default=None
 )
 @field_option()
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
-@selection_options
+@declare("-q", "--quiet", is_flag=True, help="Print errors only.")
+@option("select", help="Fix only findings of these rules.")
+@option("ignore")
+@option("fail_on")
+@option("allow_suppressions")
 @scenario_options
 @capability_options
 @engine_option
@@ -74,20 +79,19 @@ class FixCommand(CheckValues, FailValues):
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Repair the plans in PATH…: files, folders (all *.xml in them), or - for standard input.
+    r"""Repair the plans in PATH…: files, folders (every *.xml in them), or - for stdin.
 
-    A fix is kept only if a new check shows that its finding is gone and no other has come. Files
-    are changed in place; standard input and JSON lines go to standard output. --select GP1 fixes
-    findings of these rules only.
+    A fix is kept only if a new check shows that it removes its finding and adds no other. Files
+    change in place; standard input and JSON lines go to standard output.
 
     \b
-    Exit code: 0 no findings at or above --fail-on are left, 1 some are (or --diff shows a
-    change), 2 a plan could not be read, checked or written.
+    Exit code: 0 no finding at or above --fail-on remains, 1 some remain (or
+    --diff shows a change), 2 a plan could not be read, checked or written.
 
     \b
     Example:
       gpsfsm fix plans/ --unsafe-fixes --diff
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, FixCommand, SETTINGS)
     if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)

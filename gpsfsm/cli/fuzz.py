@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare, declare_file
 from gpsfsm.cli._options import (
     LIMITS,
     LibraryValues,
@@ -15,7 +16,6 @@ from gpsfsm.cli._options import (
     NumberRange,
     apply,
     config_options,
-    engine_option,
     format_option,
     jobs_option,
     library_options,
@@ -67,106 +67,107 @@ _OF_RUNS = ("faults", "timeout", "max_visits", "properties", "corpus", "replay")
 _OF_MUTANTS = ("select", "ignore")
 _OF_TASKS = ("GP6",)
 _NOT_OF_A_CASE = ("runs", "time_s", "corpus", "jobs", "assume", "consistent")
-_OTHER_ENGINE = """fuzz runs plans as the paper says, not as {engine} does; if that will do, say
-  --engine paper. What the engine makes of a plan is told by
-  gpsfsm check --engine {engine}, and gpsfsm run --engine {engine} runs it so"""
+_OTHER_ENGINE = """fuzz runs plans by the paper's semantics, not as {engine} does; if that will
+  do, use --engine paper. To check or run a plan as the engine does, use
+  gpsfsm check --engine {engine} or gpsfsm run --engine {engine}"""
 
 
 def _budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about how much is tried."""
     options = (
-        click.option("--seed", type=int, default=0, metavar="N", help="Seed. [default: 0]"),
-        click.option(
+        declare(
+            "--seed",
+            type=int,
+            default=0,
+            metavar="N",
+            common=True,
+            help="Random seed. [default: 0]",
+        ),
+        declare(
             "--runs",
             type=click.IntRange(1, 10**9),
             metavar="N",
-            help="So many runs, or mutants. [default: 1000; with --time as many as it allows]",
+            common=True,
+            help="Number of runs or mutants. [default: 1000, or what --time allows]",
         ),
-        click.option(
+        declare(
             "--time",
             "time_s",
             type=NumberRange(0, 1e9, min_open=True),
             metavar="SECONDS",
-            help="Begin nothing new after so many seconds.",
+            help="Start nothing new after this time.",
         ),
         jobs_option("Run or check"),
     )
-    return apply(options, command)
+    return apply(options, command, "Extent")
 
 
 def _scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about which scenarios there are."""
     options = (
-        option(
-            "assume",
-            help="Draw only scenarios where this holds, e.g. 'never fails: SpeechRunner'.",
-        ),
+        option("assume", help="Assume this, such as 'never fails: SpeechRunner'."),
         option("consistent"),
-        engine_option,
+        option("engine", common=False),
     )
-    return apply(options, command)
+    return apply(options, command, "Scenarios")
 
 
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about runs and what is to hold of them."""
     options = (
-        option(
-            "faults",
-            help="What may happen: failed, late, no-start, hang. [default: all]",
-        ),
-        click.option(
+        option("faults", help="Faults to inject: failed, late, no-start, hang. [default: all]"),
+        declare(
             "--timeout",
             type=NumberRange(0, 1e6),
             metavar="SECONDS",
-            help="What an action may take; then it is stopped and has failed. 0: anything. "
+            help="Time limit per action; beyond it, it is stopped and fails. 0: no limit. "
             "[default: 60, or longer if a runner is declared to take longer]",
         ),
-        click.option(
+        declare(
             "--max-visits",
             type=click.IntRange(1, 10**6),
             metavar="N",
-            help="Cut off a run of a machine after so many visits. [default: 200]",
-        ),
-        click.option(
-            "--property",
-            "properties",
-            multiple=True,
-            metavar="NAME",
-            help="Hold runs against this property, or against the function module:function or "
-            "file.py:function, and not against the usual ones; may be repeated.",
-        ),
-        click.option(
-            "--task", metavar="FILE", type=click.Path(), help="Hold runs against this task file."
-        ),
-        click.option(
-            "--corpus",
-            metavar="DIR",
-            type=click.Path(),
-            help="Play the cases in this folder first, and keep there what is found.",
-        ),
-        click.option(
-            "--replay", metavar="CASE", type=click.Path(), help="Play only this case, once."
+            help="Cut a machine's run off after N visits. [default: 200]",
         ),
     )
-    return apply(options, command)
+    return apply((*options, *_WHAT_HOLDS), command, "Runs")
+
+
+_WHAT_HOLDS = (
+    declare(
+        "--property",
+        "properties",
+        multiple=True,
+        metavar="NAME",
+        common=True,
+        help="Check this property, or file.py:function, instead of the usual ones.",
+    ),
+    declare_file("--task", common=True, help="Check runs against this task file."),
+    declare(
+        "--corpus",
+        metavar="DIR",
+        type=ANY_PATH,
+        help="Replay the cases in this folder; save new ones there.",
+    ),
+    declare("--replay", metavar="CASE", type=ANY_PATH, help="Replay only this case, once."),
+)
 
 
 def _mutation_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about mutants and what is to notice them."""
     options = (
-        click.option(
+        declare(
             "--mutate",
             is_flag=True,
-            help="Change the plan instead, and tell which changes the rules do not notice; with "
-            "--task, which the task file does not.",
+            common=True,
+            help="Mutate the plan and report mutants that no rule notices (with --task: the task).",
         ),
         option(
-            "select",
-            help="With --mutate: only these rules. [default: all; GP6 with --task]",
+            "select", help="With --mutate: only these rules. [default: all, or GP6 with --task]"
         ),
-        option("ignore", help="With --mutate: not these rules."),
+        option("ignore", help="With --mutate: without these rules."),
     )
-    return apply(options, command)
+    return apply(options, command, "Mutants")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,35 +196,38 @@ class FuzzCommand(LimitValues, LibraryValues):
     output_file: str
 
 
-@click.command("fuzz", short_help="Run a plan while everything goes wrong.")
-@click.argument("path", required=False, metavar="[PATH]", type=click.Path(allow_dash=True))
+@click.command(
+    "fuzz",
+    cls=Command,
+    section=Section.CHECK,
+    short_help="Run a plan many times with random faults.",
+)
+@click.argument("path", required=False, metavar="[PATH]", type=ANY_PATH)
 @_budget_options
 @_run_options
 @_scenario_options
 @_mutation_options
-@format_option("text", "json", text="text: for people; json: for programs.")
-@output_option("-o")
+@format_option("text", "json", text="Output format.")
+@output_option()
 @library_options
 @limit_options
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Run the plan in PATH very often, in virtual time and with chance outcomes, durations, late
-    answers, actions that hang and runners that do not start, and hold every run against properties.
+    r"""Run the plan in PATH many times with random outcomes, delays and faults.
 
-    What breaks one is told with the plainest run that shows it. With --mutate, tell how many small
-    changes of the plan its checks notice. Machines are run as well, visit by visit.
+    Each run is checked against properties; a failure is reported with the simplest run that shows
+    it. --mutate measures instead how many small changes to the plan its checks notice.
 
     \b
-    Exit code: 0 nothing was found; 1 a property is broken, or a mutant is missed; 2 it could not
-    be done.
+    Exit code: 0 nothing found, 1 a property broken or a mutant missed, 2 failed.
 
     \b
     Examples:
       gpsfsm fuzz plan.xml --seed 7 --corpus cases/
-      gpsfsm fuzz plan.xml --property checks.py:speaks_before_it_moves --time 60 --jobs 4
+      gpsfsm fuzz plan.xml --property checks.py:speaks_before_it_moves
       gpsfsm fuzz plan.xml --mutate --task task.yaml
-    """  # noqa: D205, D301  (click wants it like that)
+    """
     values = read_values(context, FuzzCommand, _SETTINGS)
     tell_narrowing(values)
     if not values.path and not values.replay:
@@ -248,12 +252,12 @@ def _refuse_contradictions(values: FuzzCommand, context: click.Context) -> None:
         if getattr(values, name) not in (None, ()):
             option = "--property" if name == "properties" else f"--{name.replace('_', '-')}"
             if values.mutate:
-                raise UsageError(f"{option} and --mutate contradict each other")
+                raise UsageError(f"{option} and --mutate cannot be used together")
             raise UsageError(f"{option} needs --mutate")
     if values.replay:
         for name in _NOT_OF_A_CASE:
             if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-                raise UsageError(f"--{name.removesuffix('_s')} has no meaning with --replay")
+                raise UsageError(f"--{name.removesuffix('_s')} cannot be used with --replay")
 
 
 def _parsed(values: FuzzCommand, *case: Any) -> tuple[Plan, str]:
@@ -315,9 +319,9 @@ def _fuzz(plan: Plan, source: str, values: FuzzCommand) -> int:
         )
     _write(report, values)
     if not report.campaign.runs:
-        complain(f"{plan.file}: the time was over before the first run, so nothing was tried")
+        complain(f"{plan.file}: the time ran out before the first run, so nothing was tried")
         return 2
-    return 1 if report.campaign.found else 0
+    return 1 if report.campaign.failures else 0
 
 
 def _play(file: str, values: FuzzCommand) -> int:
@@ -339,7 +343,7 @@ def _play(file: str, values: FuzzCommand) -> int:
     properties = properties_of_case(case, values.properties, _task(values))
     report = case_report(case, subject, properties, name=plan.file, source=source)
     _write(report, values)
-    return 1 if report.campaign.found else 0
+    return 1 if report.campaign.failures else 0
 
 
 def _write(report: CampaignReport, values: FuzzCommand) -> None:

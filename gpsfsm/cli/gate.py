@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._gating import GateValues, settled, strictness_options, task_option
+from gpsfsm.cli._gating import GateValues, reach_options, settled, strictness_options, task_option
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._options import (
     apply,
     capability_options,
@@ -17,12 +18,11 @@ from gpsfsm.cli._options import (
     limit_options,
     option,
     output_option,
-    reach_options,
     scenario_options,
 )
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.late import dataclass
-from gpsfsm.streams import append_text, check_writable, write_text
+from gpsfsm.streams import append_text, check_writable, complain, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,36 +31,39 @@ if TYPE_CHECKING:
     from gpsfsm.gating import Gate, Verdict
     from gpsfsm.workers.child_process import ChildProcess
 
-_NO_PATH = """no plan is given, and nothing is not accepted; name a file, a folder, or -. Example:
+_NO_PATH = """no plan is given, so none can be accepted; name a file, a folder, or -. Example:
   gpsfsm gate plan.xml"""
 
 
 def _writing_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is written."""
     options = (
-        click.option(
+        declare(
             "--format",
             default="text",
             show_default=True,
             metavar="NAME",
-            help="text, json (the verdicts with their digests), or a format of 'gpsfsm check'.",
+            common=True,
+            help="text, json (with digests), or a format of check.",
         ),
-        output_option("-o"),
+        output_option(),
         field_option(),
-        click.option(
+        declare(
             "--report",
             multiple=True,
             metavar="NAME=FILE",
-            help="Also write this format to this file; may be repeated.",
+            common=True,
+            help="Write another format to a file too; repeatable.",
         ),
-        click.option("--summary", metavar="FILE", help="Also append Markdown to this file."),
-        click.option(
+        declare("--summary", metavar="FILE", help="Append a Markdown summary to this file."),
+        declare(
             "--verify",
             metavar="FILE",
-            help="Decide nothing: are the plans those that this output of --format json accepts?",
+            common=True,
+            help="Only compare the plans with this earlier JSON verdict.",
         ),
     )
-    return apply(options, command)
+    return apply(options, command, "Output")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +79,8 @@ class GateCommand(GateValues):
     verify: str | None
 
 
-@click.command("gate", short_help="Decide whether plans may run.")
-@click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
+@click.command("gate", cls=Command, section=Section.RUN, short_help="Decide whether plans may run.")
+@click.argument("paths", nargs=-1, metavar="PATH…", type=ANY_PATH)
 @task_option
 @strictness_options
 @reach_options
@@ -88,21 +91,21 @@ class GateCommand(GateValues):
 @option("tolerate")
 @effort_options
 @limit_options
-@click.option("--config", metavar="FILE", help="Read this configuration file. [default: none]")
+@declare("--config", metavar="FILE", help="Use this configuration file. [default: none]")
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Decide whether the plans and machines in PATH… may run: files, folders (all *.xml), or -.
+    r"""Decide whether the plans in PATH… may run: files, folders (every *.xml), or -.
 
-    Refused is whatever is not sure to be right. No configuration file is looked for, and comments
-    in a plan excuse nothing.
+    The gate rejects every plan that is not certain to be right. It searches for no configuration
+    file, and comments in a plan suppress nothing.
 
     \b
-    Exit code: 0 all are accepted, 1 a plan is rejected, 2 one is undecided.
+    Exit code: 0 all plans accepted, 1 a plan rejected, 2 a plan undecided.
 
     \b
     Example:
       gpsfsm gate plan.xml && dispatch plan.xml
-    """  # noqa: D301  (click wants the \b)
+    """
     values = settled(context, GateCommand)
     if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
@@ -129,6 +132,7 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     """Everything that can be wrong with the options is found before the first plan is read."""
     from gpsfsm.checking.inputs import find_inputs
     from gpsfsm.gating import Gate
+    from gpsfsm.streams import MANY, counted, progress_bar
 
     options = values.gate_options()
     values.refuse_idle()
@@ -137,16 +141,23 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     plans = [each.file for each in inputs if not each.stdin]
     for _, file in wanted:
         check_writable(file, plans)
-    with Gate(
-        options, budget_ms=values.budget_ms, memory_mb=values.memory_mb, started=worker
-    ) as gate:
-        verdicts = [_decided(gate, each) for each in inputs]
+    with (
+        Gate(
+            options, budget_ms=values.budget_ms, memory_mb=values.memory_mb, started=worker
+        ) as gate,
+        progress_bar("deciding", len(inputs), at_least=MANY) as tick,
+    ):
+        trees: list[str] = []
+        decided = (_decided(gate, each, trees) for each in inputs)
+        verdicts = list(counted(decided, len(inputs), tick))
     from gpsfsm.report import find_format
 
     for name, file in reversed(wanted):
         write_text(_written(name, verdicts), file, form=find_format(name).form)
     if values.summary is not None:
         append_text(_written("markdown", verdicts), values.summary)
+    if trees and not values.allow_trees:
+        complain("a gate refuses behaviour trees; with --allow-trees, it decides them like plans")
     return max((each.reason.exit_code for each in verdicts), default=2)
 
 
@@ -165,15 +176,17 @@ def _wanted(values: GateCommand) -> list[tuple[str, str]]:
     return wanted
 
 
-def _decided(gate: Gate, source: Input) -> Verdict:
+def _decided(gate: Gate, source: Input, trees: list[str]) -> Verdict:
     from gpsfsm.checking.inputs import read_bytes
     from gpsfsm.errors import InputError
     from gpsfsm.gating.deciding import unread
+    from gpsfsm.syntax.trees import is_trees
 
     try:
         text = read_bytes(source, gate.options.check.limits.max_bytes)
     except InputError as error:
         return unread(gate.options, str(error), source.path)
+    trees += [source.path] if is_trees(text.decode("utf-8", "replace")) else []
     return gate(text, source.path)
 
 

@@ -17,6 +17,7 @@ from gpsfsm.cli._asking import (
     prompt_options,
     task_of,
 )
+from gpsfsm.cli._help import Command, Section, declare, declare_file
 from gpsfsm.cli._model import MODEL_PARAMETERS, model_options, model_settings
 from gpsfsm.cli._options import (
     NumberRange,
@@ -46,41 +47,44 @@ _ELSEWHERE = "--journal FILE keeps the attempts elsewhere, --no-journal keeps no
 def _search_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about how long to search, and what is good enough."""
     options = (
-        click.option(
+        declare(
             "--attempts",
             type=click.IntRange(1, 100),
             default=3,
             show_default=True,
             metavar="N",
-            help="How often the model is asked at most.",
+            common=True,
+            help="Maximum number of attempts.",
         ),
-        click.option(
+        declare(
             "--candidates",
             type=click.IntRange(1, 16),
             default=1,
             show_default=True,
             metavar="N",
-            help="How many answers are asked for at once; the best is kept.",
+            common=True,
+            help="Answers per attempt; the best is kept.",
         ),
-        click.option(
+        declare(
             "--total",
             type=NumberRange(0, 1e6, min_open=True),
             metavar="SECONDS",
-            help="What all attempts together may take. [default: no limit]",
+            help="Time limit for all attempts. [default: none]",
         ),
-        click.option("--seed", type=int, metavar="N", help="Seed for servers that take one."),
+        declare("--seed", type=int, metavar="N", help="Seed, for servers that take one."),
         option(
             "fail_on",
             type=click.Choice(["error", "warning"]),
-            help="From which severity on a finding rejects a plan.",
+            help="Lowest severity that rejects a plan.",
         ),
-        click.option(
+        declare(
             "--no-fix",
             is_flag=True,
-            help="Do not mend answers, even where that is safe.",
+            common=True,
+            help="Do not repair answers, even where it is safe.",
         ),
     )
-    return apply(options, command)
+    return apply(options, command, "The search")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,34 +103,40 @@ class GenerateCommand(AskingValues):
     elsewhere = MODEL_PARAMETERS
 
 
-@click.command("generate", short_help="Let a model write a plan.")
+@click.command(
+    "generate",
+    cls=Command,
+    section=Section.GENERATE,
+    short_help="Have a language model write a plan.",
+)
 @asking_options
 @_search_options
 @model_options()
-@click.option(
+@declare_file(
     "--journal",
-    metavar="FILE",
-    type=click.Path(),
     default=JOURNAL,
     show_default=True,
-    help="Keep every attempt in this journal; see 'gpsfsm attempts'.",
+    common=True,
+    help="Record every attempt in this file.",
 )
-@click.option("--no-journal", is_flag=True, help="Keep nothing.")
-@format_option("text", "json", text="Write the plan alone, or all that is known about the search.")
-@output_option("-o", text="Write to this file. [default: standard output]")
-@click.option("--served", is_flag=True, hidden=True, help="As a part of 'gpsfsm serve'.")
+@declare("--no-journal", is_flag=True, help="Record nothing.")
+@format_option("text", "json", text="The plan only, or everything about the search.")
+@output_option()
+@declare("--served", is_flag=True, hidden=True, help="As a part of 'gpsfsm serve'.")
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
-    """Ask a language model for a plan, check it, and ask again with what is wrong about it.
+    r"""Ask a language model for a plan, check it, and ask again with the findings.
 
-    The plan that is accepted goes to standard output, everything else to standard error. Exit
-    codes: 0 a plan was accepted, 1 none was, 2 the model could not be asked.
+    The accepted plan goes to standard output, everything else to standard error.
+
+    \b
+    Exit code: 0 a plan was accepted, 1 none was, 2 the model gave no answer.
 
     \b
     Example:
-      gpsfsm generate "go to (2, 0.5) and say hello" --model ollama:qwen3:8b -o plan.xml
-    """  # noqa: D301  (click wants the \b)
+      gpsfsm generate "go to (2, 0.5)" --model ollama:qwen3:8b -o plan.xml
+    """
     served = context.params["served"]
     values = read_values(context, GenerateCommand, ASKING, named=served)
     tell_narrowing(values)
@@ -185,7 +195,7 @@ def _run(search: Search, keeper: Keeper | None, journal: str | None) -> Generate
     try:
         return asyncio.run(search.run(tell, keeper))
     except KeyboardInterrupt:
-        kept = f"; what was answered is in {journal}" if journal is not None else ""
+        kept = f"; the answers are in {journal}" if journal is not None else ""
         write_message(f"stopped{kept}\n")
         raise click.exceptions.Exit(_INTERRUPTED) from None
 
@@ -207,12 +217,12 @@ def _tell_best(generated: Generated) -> None:
     """Tell the best answer and its defects; not as a result that a program may take."""
     from gpsfsm.model.printable import printable
 
-    best = generated.best
-    if best is None or best.judgement is None:
+    if (best := generated.best) is None or best.judgement is None:
         return
-    lines = [f"the best answer, of attempt {best.round}:", "", *best.judgement.told.splitlines()]
-    if best.judgement.plan:
-        lines += ["", "its plan, which was not accepted:", "", *best.judgement.plan.splitlines()]
+    judged, title = best.judgement, f"the best answer, from attempt {best.round}:"
+    lines = [title, "", *judged.feedback.splitlines()]
+    if judged.plan:
+        lines += ["", "its plan, which was not accepted:", "", *judged.plan.splitlines()]
     write_message("".join(f"{printable(line.expandtabs(4))}\n" for line in lines))
 
 

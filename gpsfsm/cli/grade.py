@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.checking.option_table import NO_EFFECT
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare, declare_file
 from gpsfsm.cli._options import (
     SETTINGS,
     CheckValues,
@@ -36,32 +37,29 @@ _SETTINGS = [name for name in SETTINGS if name not in {*NO_EFFECT["grade"], "fai
 def _table_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options about the table, and where it goes."""
     options = (
-        click.option(
-            "--task", required=True, metavar="FILE", type=click.Path(), help="The task file."
-        ),
-        click.option(
+        declare_file("--task", required=True, common=True, help="Task file."),
+        declare(
             *("--table", "--format", "table"),
             type=click.Choice(["text", "csv", "md", "json", "jsonl"]),
             default="text",
             show_default=True,
-            help="How to write the grades.",
+            common=True,
+            help="Output format.",
         ),
-        click.option(
-            "--labels",
-            metavar="FILE",
-            type=click.Path(),
-            help="Grades that people gave (CSV with path and grade): say how far they agree.",
+        declare_file(
+            "--labels", common=True, help="CSV of human grades (path, grade) to compare with."
         ),
-        click.option(
+        declare(
             "--by",
             metavar="COLUMNS",
-            help="A row for each group: 'folder', or columns of the labels such as model,task.",
+            common=True,
+            help="One row per group: folder, or columns of the labels.",
         ),
         jobs_option("Grade"),
         field_option(),
-        output_option("-o"),
+        output_option(),
     )
-    return apply(options, command)
+    return apply(options, command, "Grades")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +76,10 @@ class GradeCommand(CheckValues):
     output_file: str
 
 
-@click.command("grade", short_help="Grade answers of language models against a task.")
-@click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
+@click.command(
+    "grade", cls=Command, section=Section.GENERATE, short_help="Grade language models' answers."
+)
+@click.argument("paths", nargs=-1, metavar="PATH…", type=ANY_PATH)
 @_table_options
 @option("assume")
 @option("consistent")
@@ -92,12 +92,12 @@ class GradeCommand(CheckValues):
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Grade the answers in PATH…: files, folders (all *.xml in them), or - for standard input.
+    r"""Grade the answers in PATH…: files, folders (all *.xml in them), or - for standard input.
 
     \b
     success  the text reads as a plan, and the plan fulfils the task in every scenario
-    partial  one of both
-    failed   neither, or there is no plan, or the example of the prompt was returned
+    partial  only one of the two
+    failed   neither, or there is no plan, or the answer is the example of the prompt
 
     Exit code: 0 every answer has its grade, 2 one could not be read or decided.
 
@@ -105,7 +105,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm grade --task task.yaml answers/ --table csv --labels labels.csv
       gpsfsm grade --task task.yaml answers/ --by folder
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, GradeCommand, ["jobs", *_SETTINGS])
     tell_narrowing(values)
     if not all(values.paths) or not values.paths:  # "" was a variable without a value

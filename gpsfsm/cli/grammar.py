@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gpsfsm.cli._help import Command, Section, declare
 from gpsfsm.cli._options import Values, folders_option, option, output_option, read_values
 from gpsfsm.streams import Form, check_writable, complain, write_text
 
@@ -34,45 +35,45 @@ class GrammarCommand(Values):
     output_file: str
 
 
-@click.command("grammar", short_help="Write the grammar of plans.")
-@click.option(
+@click.command(
+    "grammar", cls=Command, section=Section.GENERATE, short_help="Write the grammar of plans."
+)
+@declare(
     "--format",
     type=click.Choice(_FORMATS),  # repeated here so that --help need not load them
     required=True,
-    help="gbnf, lark and json-schema bind a language model; rnc, rng and xsd are for editors.",
+    help="gbnf, lark and json-schema constrain a language model; rnc, rng and xsd are for editors.",
 )
 @folders_option("folders")
-@click.option(
-    "--no-builtin-capabilities", is_flag=True, help="Leave the built-in capabilities out."
-)
+@declare("--no-builtin-capabilities", is_flag=True, help="Leave out the built-in capabilities.")
 @option("robot")
-@click.option(
+@declare(
     "--interface",
     "only",
     multiple=True,
     metavar="GLOB",
-    help="Allow only these interfaces, such as 'nav2_capabilities/*'. May be repeated.",
+    help="Allow only these interfaces, such as 'nav2_capabilities/*'; may be repeated.",
 )
-@click.option(
+@declare(
     "--depth",
     type=click.IntRange(1, _MAX_DEPTH),
     metavar="N",
-    help=f"Levels of elements below the plan; 1 allows runners only. [default: {_DEPTH}]",
+    help=f"Maximum nesting depth; 1 allows runners only. [default: {_DEPTH}]",
 )
-@output_option("-o")
+@output_option()
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Write the grammar of plans.
+    r"""Write the grammar of plans.
 
     The formats gbnf (llama.cpp, vLLM, SGLang), lark (OpenAI) and json-schema (Ollama and others)
-    are made from the capabilities: a model that is bound to one can write nothing but well-formed
-    plans over known runners with parameters of the right types. The schemas rnc, rng and xsd
-    describe every plan, whatever the capabilities.
+    are made from the capabilities: a model constrained by one can write only well-formed plans with
+    declared runners and parameters of the right types. The schemas rnc, rng and xsd describe every
+    plan, whatever the capabilities.
 
     \b
     Example:
       gpsfsm grammar --format gbnf --interface 'nav2_capabilities/*'
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, GrammarCommand)
     check_writable(values.output_file, ())
     from gpsfsm.grammars import find_format

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from gpsfsm.checking.option_table import BY_NAME
+from gpsfsm.cli._help import Command, Section, declare
 from gpsfsm.errors import UsageError
 from gpsfsm.streams import write_message
 
@@ -16,16 +17,35 @@ Example:
   gpsfsm init --name lab --runner nav2_capabilities/WaypointRunner --map -10 10 -5 5"""
 
 
-@click.command("init", short_help="Write the profile of a robot.", epilog=_EXAMPLE)
-@click.option("--name", metavar="TEXT", help="What the robot is called. [default: robot]")
-@click.option(
-    "--capabilities", multiple=True, metavar="DIR", help="A folder of its runners' files."
+@click.command(
+    "init",
+    cls=Command,
+    section=Section.MAINTAIN,
+    short_help="Write a robot profile and a configuration.",
+    epilog=_EXAMPLE,
 )
-@click.option("--runner", "runners", multiple=True, metavar="NAME", help="A runner that it has.")
-@click.option("--map", "area", type=float, nargs=4, metavar="X1 X2 Y1 Y2", help="Where it drives.")
-@click.option("--engine", type=click.Choice(BY_NAME["engine"].choices), help="Its engine.")
-@click.option("--yes", is_flag=True, help="Ask nothing.")
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@declare("--name", metavar="TEXT", help="Name of the robot. [default: robot]")
+@declare(
+    "--capabilities",
+    multiple=True,
+    metavar="DIR",
+    help="Folder of its capability files; may be repeated.",
+)
+@declare(
+    "--runner",
+    "runners",
+    multiple=True,
+    metavar="NAME",
+    help="A runner of the robot; may be repeated.",
+)
+@declare(
+    "--map", "area", type=float, nargs=4, metavar="X1 X2 Y1 Y2", help="Area in which it drives."
+)
+@declare(
+    "--engine", type=click.Choice(BY_NAME["engine"].choices), help="Engine that runs its plans."
+)
+@declare("--yes", is_flag=True, help="Ask no questions.")
+@declare("--force", is_flag=True, help="Overwrite existing files.")
 def _init(
     name: str | None,
     capabilities: tuple[str, ...],
@@ -38,7 +58,7 @@ def _init(
 ) -> int:
     """Write robot.yaml and gpsfsm.toml into the current folder.
 
-    On a terminal it asks for what no option says.
+    On a terminal, it asks for everything that the options do not set.
     """
     from gpsfsm.capabilities.robot import area_of, write_profile
 
@@ -54,12 +74,12 @@ def _init(
     files = {"robot.yaml": "", "gpsfsm.toml": 'robot = "robot.yaml"\n'}
     present = [each for each in files if Path(each).exists()]
     if present and not force:
-        raise UsageError(f"{' and '.join(present)}: there already; --force replaces files")
+        raise UsageError(f"{' and '.join(present)} would be overwritten; use --force to do so")
     write_profile(
         Path("robot.yaml"), name or "robot", capabilities, runners, area=area, engine=engine
     )
     Path("gpsfsm.toml").write_text(files["gpsfsm.toml"], encoding="utf-8")
-    write_message("robot.yaml and gpsfsm.toml are written; 'gpsfsm check' uses them here\n")
+    write_message("wrote robot.yaml and gpsfsm.toml; 'gpsfsm check' uses them here\n")
     return 0
 
 

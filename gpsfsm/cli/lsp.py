@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._help import Command, Section
 from gpsfsm.errors import UsageError
 from gpsfsm.streams import complain
 
@@ -15,18 +16,21 @@ if TYPE_CHECKING:
     from gpsfsm.checking import CheckOptions
 
 
-@click.command("lsp", short_help="Be a language server, for editors.")
+@click.command(
+    "lsp", cls=Command, section=Section.SERVE, short_help="Run the language server for editors."
+)
 def COMMAND() -> int:  # noqa: N802  (it is an object)
-    """Talk to an editor in the Language Server Protocol, on standard input and output.
+    r"""Run the language server on standard input and output.
 
     \b
-    Editors start it themselves; docs/editors.md tells how to set them up.
-    It checks what is open as 'gpsfsm check' does, with the configuration of its folder.
+    Editors start it themselves; docs/editors.md explains how to set them up.
+    It checks open documents like 'gpsfsm check', with the configuration of
+    their folder.
 
     \b
     Example:
       gpsfsm lsp
-    """  # noqa: D301  (click wants the \b)
+    """
     try:
         from gpsfsm.lsp.server import serve
     except ModuleNotFoundError as error:
@@ -38,7 +42,7 @@ def COMMAND() -> int:  # noqa: N802  (it is an object)
 
 def _unheard() -> None:
     complain(
-        "the language server could be started, and has ended: no editor has said anything on "
+        "the language server started and has ended, because no editor sent anything on "
         "standard input"
     )
 

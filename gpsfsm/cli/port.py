@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._options import (
     LIMITS,
     LibraryValues,
@@ -48,45 +49,46 @@ class PortCommand(LimitValues, LibraryValues):
     output_file: str
 
 
-@click.command("port", short_help="Rewrite a plan for an original engine.")
-@click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
-@click.option(
-    "--to", "engine", type=click.Choice(_TARGETS), required=True, help="The engine to port to."
+@click.command(
+    "port", cls=Command, section=Section.MEND, short_help="Rewrite a plan for an original engine."
 )
-@click.option(
-    "--unsafe",
-    is_flag=True,
-    help="Where the engine cannot do the same, write the closest plan and say what differs.",
+@click.argument("path", required=False, metavar="PATH", type=ANY_PATH)
+@declare(
+    "--to", "engine", type=click.Choice(_TARGETS), required=True, common=True, help="Target engine."
 )
-@click.option("--diff", is_flag=True, help="Show what would change, and write no plan.")
-@click.option("--check", is_flag=True, help="Only tell by the exit code whether it would change.")
-@output_option("-o")
+@declare(
+    "--unsafe", is_flag=True, common=True, help="Write the closest plan if none is equivalent."
+)
+@declare("--diff", is_flag=True, common=True, help="Show what would change; write nothing.")
+@declare(
+    "--check", is_flag=True, common=True, help="Report by exit code alone whether it would change."
+)
+@output_option()
 @library_options
 @limit_options
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Rewrite the plan in PATH so that an original engine does what the paper says.
+    r"""Rewrite the plan in PATH so that an engine runs it as the paper specifies.
 
-    The new plan is proved to do the same by the paper, and on the engine what the paper says,
-    whatever the outcomes. A plan that needs no change is written as it is. Where there is no such
-    plan, it is said what is lost and nothing is written, unless --unsafe is given.
+    The new plan is proved equivalent for all outcomes. If no such plan exists, gpsfsm reports what
+    would be lost and writes nothing, unless --unsafe is given.
 
     \b
-    Exit code: 0 written, 1 the engine cannot do the same (or --diff or --check finds a change),
-    2 the plan could not be read, decided or written.
+    Exit code: 0 written, 1 the engine cannot do the same (or --diff or --check
+    finds a change), 2 the plan could not be read, decided or written.
 
     \b
     Examples:
       gpsfsm port plan.xml --to fabric-v2 -o ported.xml
       gpsfsm port plan.xml --to fabric-v2 --unsafe --diff
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, PortCommand, _SETTINGS)
     tell_narrowing(values)
     if not values.path:
         raise click.UsageError(_NO_PATH, context)
     if (values.diff or values.check) and values.output_file != STDOUT:
-        raise UsageError("--diff and --check write no plan, so --output-file makes no sense")
+        raise UsageError("--output cannot be combined with --diff or --check, which write no plan")
     check_writable(values.output_file, [values.path])
     return _run(values.path, values)
 
@@ -134,11 +136,11 @@ def _lines(ported: Ported, file: str, values: PortCommand) -> Iterator[str]:
             how = "instead" if ported.text is not None else "with --unsafe"
             yield printable(f"  {how}: {loss.instead}")
         else:
-            yield "  there is no other way to write it: change the plan"
+            yield "  --unsafe does not help here: change the plan"
     if len(ported.losses) > _MAX_LISTED:
         yield f"{name}: and {len(ported.losses) - _MAX_LISTED:,} more losses"
     if ported.text is None:
-        yield f"{name}: {engine} cannot do what this plan says; nothing is written"
+        yield f"{name}: {engine} cannot run this plan as the paper specifies; nothing is written"
         return
     for note in ported.notes[:_MAX_LISTED]:
         yield printable(f"{name}:{note.line}:{note.column}: note: {note.text}")
@@ -147,10 +149,10 @@ def _lines(ported: Ported, file: str, values: PortCommand) -> Iterator[str]:
     if ported.change is not None:
         yield from _changes(ported.change, name, engine)
     elif not ported.changed:
-        yield f"{name}: {engine} does what this plan says; nothing is to be changed"
+        yield f"{name}: {engine} runs this plan as the paper specifies; no change is needed"
     else:
         would = "would be" if values.diff or values.check else "is"
-        yield f"{name}: {would} rewritten for {engine}; it is proved to do the same there"
+        yield f"{name}: {would} rewritten for {engine}, with a proof that it behaves the same there"
 
 
 def _changes(change: Change, name: str, engine: str) -> Iterator[str]:
@@ -163,6 +165,6 @@ def _changes(change: Change, name: str, engine: str) -> Iterator[str]:
         return
     ported = replace(change.ported, file=_PORTED)
     which = "the first scenario" if change.difference.shortest else "a scenario"
-    yield f"{name}: {_PORTED} is NOT the same; {which} that shows it:"
+    yield f"{name}: {_PORTED} is NOT equivalent; {which} that shows it:"
     yield from difference_lines(change.original, ported, change.difference)
-    yield f"  (where a plan gives up by the paper, it hangs on {engine})"
+    yield f"  (where a plan gives up according to the paper, it hangs on {engine})"

@@ -16,6 +16,7 @@ from gpsfsm.cli._asking import (
     prompt_options,
     task_of,
 )
+from gpsfsm.cli._help import Command, Section
 from gpsfsm.cli._model import MODEL_PARAMETERS, model_options, model_settings
 from gpsfsm.cli._options import config_options, format_option, output_option, read_values
 from gpsfsm.streams import form_of, write_message, write_text
@@ -33,23 +34,27 @@ class PromptCommand(AskingValues):
     elsewhere = MODEL_PARAMETERS
 
 
-@click.command("prompt", short_help="Show what a model would be asked.")
+@click.command(
+    "prompt",
+    cls=Command,
+    section=Section.GENERATE,
+    short_help="Show the prompt that generate would send.",
+)
 @asking_options
-@format_option("text", "json", text="How to write it.")
-@output_option("-o", text="Write to this file. [default: standard output]")
+@format_option("text", "json", text="Output format.")
+@output_option()
 @model_options()
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
-    """Show the prompt with which a model would be asked for a plan.
+    r"""Print the prompt that 'gpsfsm generate' would send to a model.
 
-    How many tokens it has, about, and what was left out for want of room, is said on standard
-    error.
+    The approximate number of tokens, and what was left out to make it fit, go to standard error.
 
     \b
     Example:
-      gpsfsm prompt "go to (2, 0.5) and say hello" --interface 'nav2_capabilities/*'
-    """  # noqa: D301  (click wants the \b)
+      gpsfsm prompt "go to (2, 0.5)" --interface 'nav2_capabilities/*'
+    """
     values = read_values(context, PromptCommand, ASKING)
     task = task_of(values.task, values.task_file)
     from gpsfsm.generation.prompt_builder import build_prompt

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.streams import complain, write_text
 
 if TYPE_CHECKING:
@@ -16,22 +17,26 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
 _DIFFERS = 1
 
 
-@click.command("replay", short_help="Compare a run with its journal.")
-@click.argument("journal", required=False, metavar="JOURNAL", type=click.Path())
-@click.option(
+@click.command(
+    "replay",
+    cls=Command,
+    section=Section.RUN,
+    short_help="Replay a run and compare it with its journal.",
+)
+@click.argument("journal", required=False, metavar="JOURNAL", type=ANY_PATH)
+@declare(
     "--run",
     "number",
     type=click.IntRange(min=1),
     metavar="N",
-    help="The number of the run in the journal. [default: the last one, and those it continues]",
+    help="Run number in the journal. [default: the last, and those it continues]",
 )
 @click.pass_context
 def COMMAND(context: click.Context, journal: str | None, number: int | None) -> int:  # noqa: N802
-    """Run a run in JOURNAL again, without real runners, and compare every event.
+    r"""Replay a run from JOURNAL without real runners and compare every event.
 
-    What came from outside is taken from the journal. A simulated run that has ended is also
-    simulated again from its beginning, with its world and its seed. Where plans went on for others
-    that gave up, all of their runs are replayed.
+    External inputs come from the journal. A simulated run that has ended is also simulated again
+    from its seed and world. If plans continued one another, all of their runs are replayed.
 
     \b
     Exit code: 0 all events are the same, 1 one differs, 2 not possible.
@@ -39,7 +44,7 @@ def COMMAND(context: click.Context, journal: str | None, number: int | None) -> 
     \b
     Example:
       gpsfsm replay run.db
-    """  # noqa: D301  (click wants the \b)
+    """
     if not journal:
         raise click.UsageError(_NO_JOURNAL, context)
     return _run(journal, number)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._model import ModelValues, model_options, run_model_settings
 from gpsfsm.cli._options import (
     AllowValues,
@@ -51,51 +52,51 @@ class ResumeCommand(AllowValues, ModelValues, LibraryValues):
     model: ModelSettings | None = None
 
 
-@click.command("resume", short_help="Go on with a run after a crash.")
-@click.argument("journal", required=False, metavar="JOURNAL", type=click.Path())
-@click.option(
+@click.command("resume", cls=Command, section=Section.RUN, short_help="Resume a run after a crash.")
+@click.argument("journal", required=False, metavar="JOURNAL", type=ANY_PATH)
+@declare(
     "--run",
     "number",
     type=click.IntRange(min=1),
     metavar="N",
-    help="The number of the run in the journal. [default: the last one]",
+    common=True,
+    help="Run number in the journal. [default: the last]",
 )
-@click.option("--real", is_flag=True, help="Go on with a run of real runners; needed for those.")
+@declare("--real", is_flag=True, common=True, help="Required to resume a run of real runners.")
 @allow_options
-@click.option(
+@declare(
     "--force",
     is_flag=True,
-    help="Go on for real in spite of errors in a plan, or of other capabilities.",
+    common=True,
+    help="With --real: resume despite errors or changed capabilities.",
 )
-@click.option(
+@declare(
     "--durability",
     type=click.Choice(["power", "process", "none"]),
     default="power",
     show_default=True,
-    help="What the journal outlives: a power failure, the end of the process, or nothing.",
+    help="What the journal survives: a power failure, the end of the process, or nothing.",
 )
-@format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
-@click.option("--verbose", is_flag=True, help="Tell every event.")
+@format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else lines.")
+@declare("--verbose", is_flag=True, help="Show every event.")
 @model_options(timeout="--model-timeout")
 @library_options
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Go on with the run in JOURNAL that has no end there.
+    r"""Resume the run in JOURNAL that has not ended.
 
-    What has an outcome is not done again. In real time, an action that was active when the process
-    ended is asked again if its runner allows that; otherwise it has failed. Real runners act only
-    with --real, and a journal allows them nothing: what was given to 'gpsfsm run' with --allow-…
-    and --capabilities is given again, and the plan is checked again. A run that asks a language
-    model goes on with the one that --model names. Then the plans run that waited behind it.
+    Actions with an outcome are not repeated. An action that was active is retried if its runner
+    allows it, and has failed otherwise. A journal grants no permissions: --real, --allow-…,
+    --capabilities and --model must be given again. Then the plans that were waiting run.
 
     \b
-    Exit code: as for 'gpsfsm run'. A run that has ended already is not touched.
+    Exit code: as for 'gpsfsm run'. A run that has ended is left alone.
 
     \b
     Example:
       gpsfsm resume run.db
-    """  # noqa: D301  (click wants the \b)
+    """
     if not context.params["journal"]:
         raise click.UsageError(_NO_JOURNAL, context)
     values = read_values(context, ResumeCommand, _SETTINGS, named=True)
@@ -200,7 +201,7 @@ def _same_capabilities(prepared: Prepared, run: StoredRun, values: ResumeCommand
     if prepared.library.says_the_same(chosen.library) or values.force:
         return replace(chosen, library=prepared.library)
     raise UsageError(
-        f"run {run.number} was begun with other capabilities than this command has, and a journal "
-        "alone does not say what runners do; give the --capabilities of 'gpsfsm run' again, or "
-        "--force to go on with those of the journal"
+        f"run {run.number} was begun with other capabilities than this command has. A journal "
+        "alone does not say what runners do; repeat the --capabilities of 'gpsfsm run' or add "
+        "--force to continue with those of the journal"
     )

@@ -7,21 +7,23 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gpsfsm.cli._gating import GateValues, plan_strictness_options, settled, task_option
-from gpsfsm.cli._options import (
-    NumberRange,
-    library_options,
+from gpsfsm.cli._gating import (
+    GateValues,
+    plan_strictness_options,
     reach_options,
-    ros_option,
-    ros_settings,
+    settled,
+    task_option,
 )
+from gpsfsm.cli._help import CommandGroup, Section, declare, declare_file
+from gpsfsm.cli._log import LogValues, log_options
+from gpsfsm.cli._options import NumberRange, library_options, ros_option, ros_settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
 @dataclass(frozen=True, kw_only=True)
-class RosGateCommand(GateValues):
+class RosGateCommand(GateValues, LogValues):
     """The options of ``gpsfsm ros gate``."""
 
     private: str
@@ -30,65 +32,70 @@ class RosGateCommand(GateValues):
     ros_args: Sequence[str]
 
 
-_ROS = """Nodes of ROS 2 that stand beside those of a robot.
+_ROS = """Run ROS 2 nodes beside those of a robot.
 
 \b
 Example:
   gpsfsm ros gate --robot robot.yaml
 """
-_GATE = """Offer the public names of a Fabric server, and pass on only what the gate accepts.
+_GATE = """Offer the public names of a Fabric server and pass on only plans that the gate accepts.
 
-The server itself has to be started with its names remapped below --private. All fails closed:
-without a verdict, or without the server, the answer is that of a server that rejects the plan.
+Start the server with its names remapped under --private. Everything fails closed: without a
+verdict, or without the server, the plan is rejected.
 
 \b
-Exit code: 0 it was ended, 2 it could not be started.
+Exit code: 0 stopped on request, 2 could not start.
 
 \b
 Example:
   gpsfsm ros gate --robot robot.yaml --receipts decisions.jsonl
 """
 
-COMMAND = click.Group(
-    "ros", help=_ROS, short_help="Nodes of ROS 2: the gate in front of a Fabric server."
+COMMAND = CommandGroup(
+    "ros",
+    section=Section.SERVE,
+    help=_ROS,
+    short_help="Run ROS 2 nodes, such as the gate for Fabric.",
 )
 
 
 @COMMAND.command(
-    "gate", help=_GATE, short_help="Stand in front of a Fabric server, and let plans through."
+    "gate", help=_GATE, short_help="Guard a Fabric server: pass on accepted plans only."
 )
 @task_option
 @plan_strictness_options
 @reach_options
 @library_options
-@click.option(
+@declare(
     "--private",
     default="/gpsfsm_private",
     show_default=True,
     metavar="NAME",
-    help="The namespace below which the server offers its names.",
+    common=True,
+    help="Namespace under which the server offers its names.",
 )
-@click.option(
+@declare(
     "--wait",
     type=NumberRange(0, 1e6),
     default=10.0,
     show_default=True,
     metavar="SECONDS",
-    help="How long to wait for the server.",
+    help="Time to wait for the server.",
 )
-@click.option(
+@declare_file(
     "--receipts",
-    metavar="FILE",
-    type=click.Path(),
-    help="Append each decision to this file; what cannot be written there is rejected.",
+    common=True,
+    help="Append each decision to this file; reject plans if it cannot be written.",
 )
+@log_options
 @ros_option
-@click.option("--config", metavar="FILE", help="Read this configuration file. [default: none]")
+@declare("--config", metavar="FILE", help="Use this configuration file. [default: none]")
 @click.pass_context
 def _gate(context: click.Context, /, **_: object) -> int:
     """Run ``gpsfsm ros gate``."""
     values = settled(context, RosGateCommand)
     values.refuse_idle()
+    from gpsfsm import logs
     from gpsfsm.dispatching.gate_node import GateNode, serve_gate
     from gpsfsm.model.ros import RosSettings
     from gpsfsm.running.interruption import Interruption
@@ -103,5 +110,5 @@ def _gate(context: click.Context, /, **_: object) -> int:
         wait_s=values.wait,
         receipts=values.receipts,
     )
-    with Interruption() as interruption:
+    with logs.writing(values.log_level, values.log_format), Interruption() as interruption:
         return serve_gate(settings, interruption)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare, declare_file
 from gpsfsm.cli._model import model_options, run_model_settings
 from gpsfsm.cli._options import (
     LIMITS,
@@ -58,51 +59,62 @@ _SETTINGS = frozenset(
 def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about who acts."""
     options = (
-        click.option(
+        declare_file(
             "--world",
-            metavar="FILE",
-            type=click.Path(),
-            help="Simulate the runners in the world that this file describes.",
+            common=True,
+            help="Simulate the runners in this world file.",
         ),
-        click.option(
+        declare_file(
             "--scenario",
-            metavar="FILE",
-            type=click.Path(),
-            help="Take outcomes from a report of 'gpsfsm check --format json'.",
+            common=True,
+            help="Replay a scenario from a JSON report of check.",
         ),
-        click.option(
+        declare(
             "--finding",
             type=click.IntRange(min=1),
             metavar="N",
-            help="The finding of the report to take. [default: the first with a scenario]",
+            help="Number of the finding to replay. [default: the first with a scenario]",
         ),
-        click.option("--real", is_flag=True, help="Let real runners act, in real time."),
-        click.option("--seed", type=int, default=0, metavar="N", help="Seed. [default: 0]"),
-        click.option(
+        declare("--real", is_flag=True, common=True, help="Run real runners in real time."),
+        declare(
+            "--seed",
+            type=int,
+            default=0,
+            metavar="N",
+            common=True,
+            help="Random seed. [default: 0]",
+        ),
+        declare(
             "--failure",
             type=NumberRange(0, 1),
             metavar="P",
-            help="The probability that an action fails, if it is drawn. [default: 0.1]",
+            common=True,
+            help="Probability that an action fails. [default: 0.1]",
         ),
-        click.option(
+        declare(
             "--speed",
             type=NumberRange(0, 1e6, min_open=True),
             metavar="X",
-            help="Let X seconds of a simulated run pass in a second. [default: no waiting]",
-        ),
-        click.option(
-            "--groot",
-            metavar="[HOST:]PORT",
-            help="Show a tree to Groot2, on this machine or at HOST; --speed then defaults to 1.",
-        ),
-        click.option(
-            "--timeout",
-            type=NumberRange(0, 1e9, min_open=True),
-            metavar="SECONDS",
-            help="What an action may take; then it is stopped and has failed.",
+            common=True,
+            help="Simulated seconds per second. [default: no waiting]",
         ),
     )
-    return apply(options, command)
+    return apply((*options, *_MORE), command, "Runners")
+
+
+_MORE = (
+    declare(
+        "--groot",
+        metavar="[HOST:]PORT",
+        help="Show a behaviour tree in Groot2; --speed then defaults to 1.",
+    ),
+    declare(
+        "--timeout",
+        type=NumberRange(0, 1e9, min_open=True),
+        metavar="SECONDS",
+        help="Time limit per action; beyond it, it is stopped and fails.",
+    ),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,47 +146,50 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     model: ModelSettings | None = None
 
 
-@click.command("run", short_help="Run a plan.")
-@click.argument("paths", nargs=-1, metavar="[PATH]...", type=click.Path(allow_dash=True))
+@click.command(
+    "run", cls=Command, section=Section.RUN, short_help="Run a plan, simulated or for real."
+)
+@click.argument("paths", nargs=-1, metavar="[PATH]...", type=ANY_PATH)
 @engine_option
 @_how_options
 @allow_options
-@click.option(
+@declare_file(
     "--journal",
-    metavar="FILE",
-    type=click.Path(),
-    help="Keep every event in this file before it has any effect.",
+    common=True,
+    help="Journal: record every event before it takes effect.",
 )
-@click.option(
+@declare(
     "--durability",
     type=click.Choice(["power", "process", "none"]),
     default="power",
     show_default=True,
-    help="What the journal outlives: a power failure, the end of the process, or nothing.",
+    help="What the journal survives: a power failure, the end of the process, or nothing.",
 )
-@click.option(
+@declare(
     "--max-plans",
     type=click.IntRange(min=1),
     metavar="N",
-    help="How many plans may run, with those that plans submit. [default: 20]",
+    help="Maximum number of plans to run, including submitted ones. [default: 20]",
 )
-@click.option(
+@declare(
     "--max-visits",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Cancel the run of a machine after so many visits. [default: 1000; --real: no limit]",
+    help="Cancel a machine's run after N visits. [default: 1000; --real: none]",
 )
-@click.option(
+@declare(
     "--bond",
     type=NumberRange(0, 1e6, min_open=True),
     metavar="SECONDS",
-    help="With --real: stop if no line comes in on standard input for so long.",
+    help="With --real: stop if no line arrives on standard input for this long.",
 )
 @via_option
 @ros_option
-@click.option("--force", is_flag=True, help="Run the plan in spite of errors; this is journaled.")
-@format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
-@click.option("--verbose", is_flag=True, help="Tell every event.")
+@declare(
+    "--force", is_flag=True, common=True, help="Run the plan despite errors; the journal notes it."
+)
+@format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else lines.")
+@declare("--verbose", is_flag=True, help="Show every event.")
 @model_options(timeout="--model-timeout")
 @regeneration_options
 @library_options
@@ -183,29 +198,19 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Check the plan in PATH, or in standard input for -, and run it.
+    r"""Check the plan in PATH (- for standard input) and run it.
 
-    Several plans run one after the other; those that a plan submits run behind them.
-
-    Without --world, --scenario and --real all runners are simulated in virtual time, and their
-    outcomes are drawn from the seed. With --scenario, a plan with errors runs as well.
-
-    A machine runs as well. It may go on for ever, so --max-visits bounds its simulated runs.
-
-    With --engine, a plan runs as an original engine would run it: it may end in HANG or ABORT.
-
-    With --model, a plan that gives up is continued: the model is told what was done and what has
-    failed, and the plan that it writes is checked and runs next.
+    Runners are simulated with random outcomes unless --world, --scenario or --real is given.
+    Several plans run one after the other.
 
     \b
-    Exit code: 0 the plan completed; 1 it did not (it gave up, is stuck, hangs or was cancelled), or
-    it has errors and was not run; 2 it could not be run; 130 cancelled with Ctrl-C. Of several
-    plans the worst counts.
+    Exit code: 0 completed; 1 not completed, or not run because of errors;
+    2 could not run; 130 cancelled with Ctrl-C. For several plans, the worst.
 
     \b
     Example:
       gpsfsm run plan.xml --seed 7 --journal run.db
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, RunCommand, _SETTINGS, named=True)
     if not values.paths:
         raise click.UsageError(_NO_PATH, context)
@@ -225,19 +230,19 @@ def _refuse_no_name(values: RunCommand) -> None:
 def _refuse_contradictions(values: RunCommand) -> None:
     chosen = [f"--{name}" for name in ("world", "scenario", "real") if getattr(values, name)]
     if len(chosen) > 1:
-        raise UsageError(f"{' and '.join(chosen)} contradict each other")
+        raise UsageError(f"{' and '.join(chosen)} cannot be used together")
     if values.finding is not None and not values.scenario:
         raise UsageError("--finding needs --scenario")
     if values.failure is not None and chosen:
-        raise UsageError(f"--failure has no meaning with {chosen[0]}")
+        raise UsageError(f"--failure cannot be used with {chosen[0]}")
     if values.real and values.speed is not None:
-        raise UsageError("--real and --speed contradict each other")
+        raise UsageError("--real and --speed cannot be used together")
     if values.paths.count("-") > 1:
-        raise UsageError("standard input holds one plan; - was given more than once")
+        raise UsageError("standard input holds only one plan, but - was given more than once")
     if values.bond is not None and "-" in values.paths:
-        raise UsageError("--bond and a plan in standard input contradict each other")
+        raise UsageError("--bond cannot be used with a plan on standard input")
     if len(values.paths) > (values.max_plans or MAX_PLANS):
-        raise UsageError("these are more plans than --max-plans allows")
+        raise UsageError("there are more plans than --max-plans allows; raise it or pass fewer")
     if len(values.paths) > 1 and values.scenario:
         raise UsageError("--scenario takes one plan")
     for name in (*PERMISSIONS, "bond", "via", "ros_args"):

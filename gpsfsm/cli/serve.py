@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._help import Command, Section, declare, declare_file
+from gpsfsm.cli._log import LogValues, log_options
 from gpsfsm.cli._model import model_options
 from gpsfsm.cli._options import (
     AllowValues,
@@ -45,44 +47,67 @@ def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about who can reach the service."""
     return apply(
         (
-            click.option(
+            declare(
                 "--host",
                 default="127.0.0.1",
                 show_default=True,
                 metavar="ADDRESS",
-                help="Where to listen; anything but this machine needs a token.",
+                common=True,
+                help="Address to listen on; any but this machine's needs a token.",
             ),
-            click.option(
+            declare(
                 "--port",
                 type=click.IntRange(0, 65_535),
                 default=8321,
                 show_default=True,
-                help="The port; 0 takes one that is free.",
+                common=True,
+                help="Port; 0 takes a free one.",
             ),
-            click.option(
+            declare_file(
                 "--token-file",
-                metavar="FILE",
-                type=click.Path(),
-                help="A file with the tokens of clients, one to a line; they have to show one. "
-                f"[env: {_TOKEN}]",
+                common=True,
+                help=f"File of client tokens, one per line. [env: {_TOKEN}]",
             ),
-            click.option(
+        ),
+        command,
+        "Address",
+    )
+
+
+def _proxy_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about the names, the proxy and the collector of traces around the service."""
+    return apply(
+        (
+            declare(
                 "--allow-name",
                 "names",
                 multiple=True,
                 metavar="NAME",
-                help="A further name of this service in Host headers; may be repeated.",
+                help="Accept this name in Host headers too; may be repeated.",
             ),
-            click.option(
+            declare(
                 "--trust-proxy",
                 "proxies",
                 multiple=True,
                 metavar="ADDRESS",
-                help="Believe this proxy, or network, for whom it asks (X-Forwarded-For, "
-                "Forwarded); may be repeated.",
+                help="Trust X-Forwarded-For, -Proto and -Prefix, and Forwarded, from this proxy or "
+                "network; may be repeated.",
+            ),
+            declare(
+                "--root-path",
+                default="",
+                metavar="PATH",
+                help="Path under which a reverse proxy serves it, such as /gpsfsm.",
+            ),
+            declare(
+                "--otel/--no-otel",
+                default=None,
+                help="Export traces by OpenTelemetry. [default: if OTEL_EXPORTER_OTLP_ENDPOINT is "
+                "set]",
             ),
         ),
         command,
+        "Proxy and traces",
     )
 
 
@@ -92,27 +117,32 @@ def _bound_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ("--workers", _COUNT, "N", "Processes that check plans. [default: 2]"),
         (
             *("--gate-workers", _COUNT, "N"),
-            "Further ones, for small gate requests alone. [default: as --workers, at most 2]",
+            "Further processes for small gate requests only. [default: as --workers, at most 2]",
         ),
         ("--memory", click.IntRange(256), "MB", "Memory of each process. [default: 1024]"),
-        ("--waiting", _COUNT, "N", "Requests of a cost class that may wait. [default: 64]"),
-        ("--time-limit", _SECONDS, "SECONDS", "What a request may take. [default: 10]"),
+        ("--waiting", _COUNT, "N", "Maximum waiting requests per cost class. [default: 64]"),
+        ("--time-limit", _SECONDS, "SECONDS", "Time limit per request. [default: 10]"),
         (
             "--small-limit",
             _SECONDS,
             "SECONDS",
-            "Time of a core for a small request. [default: 0.5]",
+            "CPU time limit of a small request. [default: 0.5]",
         ),
-        ("--max-body", _BYTES, "BYTES", "Bytes of a request. [default: 2097152]"),
-        ("--connections", _COUNT, "N", "Connections at once. [default: 2048]"),
-        ("--grace", _SECONDS, "SECONDS", "How long a shutdown waits for requests. [default: 10]"),
+        ("--max-body", _BYTES, "BYTES", "Maximum size of a request. [default: 2097152]"),
+        ("--connections", _COUNT, "N", "Maximum number of connections. [default: 2048]"),
+        ("--grace", _SECONDS, "SECONDS", "Time that a shutdown waits for requests. [default: 10]"),
+        (
+            *("--drain", NumberRange(0, 3_600), "SECONDS"),
+            "Time that /readyz answers 503 before a shutdown begins. [default: 0]",
+        ),
     )
     return apply(
         [
-            click.option(name, type=kind, metavar=metavar, help=text)
+            declare(name, type=kind, metavar=metavar, help=text)
             for name, kind, metavar, text in rows
         ],
         command,
+        "Limits on requests",
     )
 
 
@@ -120,82 +150,82 @@ def _queue_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about the plan queue."""
     return apply(
         (
-            click.option(
+            declare_file(
                 "--journal",
-                metavar="FILE",
-                type=click.Path(),
-                help="Keep a queue of plans in this file, and run them.",
+                common=True,
+                help="Keep a queue of plans in this file and run them.",
             ),
-            click.option(
+            declare(
                 "--durability",
                 type=click.Choice(["power", "process", "none"]),
                 default="power",
                 show_default=True,
-                help="What the journal outlives.",
+                help="What the journal survives.",
             ),
-            click.option(
+            declare(
                 "--queue",
                 "most_waiting",
                 type=_COUNT,
                 metavar="N",
-                help="Plans that may wait in the queue. [default: 1000]",
+                help="Maximum number of waiting plans. [default: 1000]",
             ),
         ),
         command,
+        "The plan queue",
     )
 
 
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about how plans are run. None stands for what ``gpsfsm run`` does."""
     at_most, positive = NumberRange(0, 1e6, min_open=True), NumberRange(0, 1)
-    world = click.option(
+    world = declare_file(
         "--world",
         "worlds",
         multiple=True,
-        metavar="FILE",
-        type=click.Path(),
-        help="Simulate the runners in this world; else their outcomes are drawn. May be repeated: "
-        "a client can choose among all of them, the first one is that of plans for which none is "
-        "chosen.",
+        common=True,
+        help="Simulate the runners in this world; may be repeated: clients choose, the first is "
+        "the default.",
     )
     rows: tuple[tuple[str, Any, Any, str, str], ...] = (
-        ("--seed", int, 0, "N", "Seed. [default: 0]"),
+        ("--seed", int, 0, "N", "Random seed. [default: 0]"),
         (
             *("--failure", positive, None, "P"),
-            "The probability that an action fails, if it is drawn. [default: 0.1]",
+            "Probability that an action fails. [default: 0.1]",
         ),
         (
             *("--speed", at_most, None, "X"),
-            "Let X seconds of a run pass in a second. [default: no waiting]",
+            "Simulated seconds per second. [default: no waiting]",
         ),
         (
             *("--action-timeout", NumberRange(0, 1e9, min_open=True), None, "SECONDS"),
-            "What an action may take; then it has failed.",
+            "Time limit per action; beyond it, it fails.",
         ),
         (
             *("--run-limit", at_most, 3_600.0, "SECONDS"),
-            "What a run may take on the clock; then it is cancelled. [default: 3600]",
+            "Time limit per run; beyond it, it is cancelled. [default: 3600]",
         ),
     )
     return apply(
         [
             world,
-            click.option(
+            declare(
                 "--real",
                 is_flag=True,
-                help="Let real runners act; needs --journal, a token and permissions.",
+                common=True,
+                help="Run real runners; needs --journal, a token, permissions.",
             ),
             *(
-                click.option(name, type=kind, default=default, metavar=metavar, help=text)
+                declare(name, type=kind, default=default, metavar=metavar, help=text)
                 for name, kind, default, metavar, text in rows
             ),
         ],
         command,
+        "Runs",
     )
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServeCommand(RegenerationValues, LibraryValues, AllowValues):
+class ServeCommand(RegenerationValues, LibraryValues, AllowValues, LogValues):
     """The options of ``gpsfsm serve``."""
 
     host: str
@@ -203,6 +233,8 @@ class ServeCommand(RegenerationValues, LibraryValues, AllowValues):
     token_file: str | None
     names: Sequence[str]
     proxies: Sequence[str]
+    root_path: str
+    otel: bool | None
     workers: int | None
     gate_workers: int | None
     memory: int | None
@@ -212,6 +244,7 @@ class ServeCommand(RegenerationValues, LibraryValues, AllowValues):
     max_body: int | None
     connections: int | None
     grace: float | None
+    drain: float | None
     journal: str | None
     durability: str
     most_waiting: int | None
@@ -225,11 +258,18 @@ class ServeCommand(RegenerationValues, LibraryValues, AllowValues):
     ros_args: Sequence[str]
 
 
-@click.command("serve", short_help="Serve checks and a plan queue over HTTP.")
+@click.command(
+    "serve",
+    cls=Command,
+    section=Section.SERVE,
+    short_help="Serve checks and a plan queue over HTTP.",
+)
 @_where_options
+@_proxy_options
 @_bound_options
 @_queue_options
 @_run_options
+@log_options
 @allow_options
 @ros_option
 @model_options(timeout="--model-timeout")
@@ -238,17 +278,17 @@ class ServeCommand(RegenerationValues, LibraryValues, AllowValues):
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Serve checks, gate, grades, repairs and, with --journal, a queue of plans over HTTP.
+    r"""Serve checks, the gate, grades, repairs and, with --journal, a queue of plans.
 
-    Without a token it can be reached from this machine alone. /openapi.json describes it.
+    Without a token, only this machine can connect. /openapi.json describes the interface.
 
     \b
-    Exit code: 0 it was told to stop, 2 it could not begin, or its plan queue could not go on.
+    Exit code: 0 stopped on request, 2 could not start, or its queue failed.
 
     \b
     Example:
       gpsfsm serve --journal queue.db --world world.yaml
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, ServeCommand, _SETTINGS, named=True)
     _refuse_contradictions(values)
     from gpsfsm.service import serve
@@ -278,21 +318,21 @@ def _refuse_contradictions(values: ServeCommand) -> None:
             if getattr(values, name) is not None:
                 raise UsageError(f"--{name.replace('_', '-')} needs --journal")
     if world is not None and values.failure is not None:
-        raise UsageError("--failure has no meaning with --world")
+        raise UsageError("--failure cannot be used with --world")
     if values.model_name and values.journal and world is None and not values.real:
-        raise UsageError("--model needs --world or --real: outcomes that are drawn ask nobody")
+        raise UsageError("--model needs --world or --real: random outcomes ask no model")
 
 
 def _refuse_with_real(values: ServeCommand) -> None:
     """Options that have no meaning when real runners act. Raises UsageError."""
     if values.journal is None:
         raise UsageError(
-            "--real needs --journal FILE: it says after a crash what has to be stopped, and that "
+            "--real needs --journal FILE, which records what to stop after a crash, and that "
             "the queue is held"
         )
     for name, option in (("worlds", "world"), ("speed", "speed"), ("failure", "failure")):
         if getattr(values, name) not in (None, ()):
-            raise UsageError(f"--real and --{option} contradict each other")
+            raise UsageError(f"--real and --{option} cannot be used together")
 
 
 def _settings(context: click.Context, values: ServeCommand) -> Settings:
@@ -304,7 +344,7 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
             *(("workers", "workers"), ("memory_mb", "memory"), ("waiting", "waiting")),
             *(("request_s", "time_limit"), ("max_body", "max_body"), ("grace_s", "grace")),
             *(("connections", "connections"), ("most_waiting", "most_waiting")),
-            *(("gate_workers", "gate_workers"), ("small_s", "small_limit")),
+            *(("gate_workers", "gate_workers"), ("small_s", "small_limit"), ("drain_s", "drain")),
         )
         if getattr(values, option) is not None
     }
@@ -317,6 +357,10 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
         tokens=_tokens(values.token_file),
         hosts=tuple(values.names),
         proxies=tuple(values.proxies),
+        root_path=values.root_path.rstrip("/"),
+        log_level=values.log_level,
+        log_format=values.log_format,
+        otel=values.otel,
         capabilities=tuple(os.path.realpath(each) for each in values.capabilities),
         builtin_capabilities=values.builtin_capabilities,
         robot=None if values.robot is None else os.path.realpath(values.robot),
@@ -345,7 +389,7 @@ def _allowed(values: ServeCommand) -> tuple[dict[str, list[str]], dict[str, Any]
     if not allowed and values.robot is None:
         raise UsageError(
             "--real lets plans act, so say what they may reach: --allow-host, --allow-program, "
-            "--allow-function and --allow-module, or the profile of the robot with --robot"
+            "--allow-function, --allow-module, or a robot profile with --robot"
         )
     return allowed, ros_settings(capabilities, values.ros_args)
 
@@ -376,7 +420,7 @@ def _tokens(file: str | None) -> tuple[Secret, ...]:
     if not tokens:
         raise UsageError(f"there is no token in {file}")
     if len(set(tokens)) < len(tokens):
-        raise UsageError(f"a token is in {file} twice: each client has its own")
+        raise UsageError(f"{file} has the same token twice: each client needs its own")
     return tuple(tokens)
 
 
@@ -418,7 +462,9 @@ def _worlds(files: Sequence[str]) -> list[list[str]]:
     """The names of worlds, and their files. Raises UsageError for two of the same name."""
     by_name = {Path(file).stem: os.path.realpath(file) for file in files}
     if len(by_name) < len(files):
-        raise UsageError("two files of --world have the same name; worlds are told apart by it")
+        raise UsageError(
+            "two files of --world have the same name; clients choose a world by its name"
+        )
     return [[name, file] for name, file in by_name.items()]
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._options import (
     LIMITS,
     LimitValues,
@@ -39,68 +42,73 @@ class ShowCommand(LimitValues):
     path: str
     format: str
     engine: str
+    all_stops: bool
     from_response: bool
     output_file: str
 
 
-@click.command("show", short_help="Draw a plan.")
-@click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
-@click.option(
+@click.command(
+    "show", cls=Command, section=Section.CHECK, short_help="Draw a plan or its automaton."
+)
+@click.argument("path", required=False, metavar="PATH", type=ANY_PATH)
+@declare(
     "--format",
     type=click.Choice(["tree", "dot", "mermaid", "svg", "json", "graphml", "connections"]),
     default="tree",
     show_default=True,
-    help="tree: the plan; connections: what an engine makes of it; the others: its automaton.",
+    common=True,
+    help="tree: the plan; connections: the engine's; others: the automaton.",
 )
-@click.option(
+@declare(
     "--engine",
     type=click.Choice((_PAPER, *ENGINES)),
     default=_PAPER,
     show_default=True,
-    help="Show what this engine makes of the plan; paper: what the paper says.",
+    common=True,
+    help="Show the plan as this engine builds it.",
 )
+@declare("--all-stops", is_flag=True, help="svg: draw all stops, even if they are many.")
 @output_option()
 @response_option
 @limit_options
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Draw the plan, behaviour tree or machine in PATH, or in standard input for -.
+    r"""Draw the plan, behaviour tree or machine in PATH, or - for standard input.
 
-    With --engine, show what an original engine makes of it; --format connections lists that as
-    JSON.
+    With --engine, draw what an original engine makes of it.
 
     \b
-    Exit code: 0 drawn, 1 the text has errors (it is drawn if it holds a plan) or the engine does
-    not take it, 2 not possible.
+    Exit code: 0 drawn, 1 the text has errors (it is drawn if it holds a plan)
+    or the engine rejects it, 2 not possible.
 
     \b
     Example:
-      gpsfsm show plan.xml --format svg --output-file plan.svg
-    """  # noqa: D301  (click wants the \b)
+      gpsfsm show plan.xml --format svg -o plan.svg
+    """
     if not context.params["path"]:
         raise click.UsageError(_NO_PATH, context)
     values = read_values(context, ShowCommand, {*LIMITS, "from_response"})
     check_writable(values.output_file, [values.path])
-    _check_engine(values)
+    _check_options(values)
     return _run(values) if values.engine == _PAPER else _on_engine(values)
 
 
-def _check_engine(values: ShowCommand) -> None:
+def _check_options(values: ShowCommand) -> None:
     """Raise UsageError for options that do not fit together."""
     if values.format == "connections" and values.engine == _PAPER:
-        names = " or ".join(ENGINES)
-        raise UsageError(f"--format connections needs --engine, which is {names}")
+        raise UsageError(f"--format connections needs --engine, which is {' or '.join(ENGINES)}")
+    if values.all_stops and values.format != "svg":
+        raise UsageError("--all-stops needs --format svg: all other formats hold every stop")
     if values.engine != _PAPER and values.from_response:
-        raise UsageError(
-            "--from-response does not go with --engine: an engine reads a text as it is"
-        )
+        raise UsageError("--from-response does not fit --engine, which reads the text as it is")
 
 
 def _on_engine(values: ShowCommand) -> int:
     """Write what an engine makes of the text; say where it refuses it."""
     from gpsfsm.checking.inputs import read_named
     from gpsfsm.model.engine import Crashed, EnginePlan
+    from gpsfsm.model.printable import printable
 
     name, text = read_named(values.path, values.limits.max_bytes)
     show = _connections if values.format == "connections" else _engine_automaton
@@ -108,16 +116,12 @@ def _on_engine(values: ShowCommand) -> int:
     if reading is None or isinstance(reading.result, EnginePlan):
         return 0
     what = "crashes on" if isinstance(reading.result, Crashed) else "refuses"
-    from gpsfsm.model.printable import printable
-
     place = f"{printable(name)}:{reading.line}:{reading.column}"
     complain(f"{place}: {values.engine} {what} this text: {printable(reading.result.reason)}")
     return 1
 
 
 def _connections(values: ShowCommand, name: str, text: bytes) -> EngineText:
-    import json
-
     from gpsfsm.compile.engine_text import read_connections
     from gpsfsm.compile.fabric import PROFILES, listing
 
@@ -142,6 +146,7 @@ def _engine_automaton(values: ShowCommand, name: str, text: bytes) -> EngineText
 
 def _run(values: ShowCommand) -> int:
     from gpsfsm.checking.inputs import parse_named
+    from gpsfsm.compile import compile_plan
     from gpsfsm.report import tell_errors
 
     parsed = parse_named(values.path, values.limits, from_response=values.from_response)
@@ -149,9 +154,8 @@ def _run(values: ShowCommand) -> int:
     if parsed.plan is None:
         complain(f"{parsed.file}: there is no plan that could be drawn")
         return max(code, 1)
-    from gpsfsm.compile import compile_plan
-
-    drawn = DRAWINGS[values.format](compile_plan(parsed.plan).automaton)
+    draw = partial(_svg, all_stops=True) if values.all_stops else DRAWINGS[values.format]
+    drawn = draw(compile_plan(parsed.plan).automaton)
     write_text(drawn, values.output_file, form=form_of(values.format))
     return code
 
@@ -163,10 +167,10 @@ def _tree(automaton: Automaton) -> str:
     return machine_to_text(automaton) if is_machine(automaton) else plan_to_tree(automaton.plan)
 
 
-def _svg(automaton: Automaton) -> str:
+def _svg(automaton: Automaton, *, all_stops: bool = False) -> str:
     from gpsfsm.picture import automaton_to_svg
 
-    return automaton_to_svg(automaton)
+    return automaton_to_svg(automaton, all_stops=all_stops)
 
 
 def _graphml(automaton: Automaton) -> str:

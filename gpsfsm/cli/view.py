@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from gpsfsm.checking.config import settings_used
+from gpsfsm.cli._help import ANY_PATH, Command, Section, declare, declare_file
 from gpsfsm.cli._options import (
     SETTINGS,
     CheckValues,
@@ -19,6 +22,7 @@ from gpsfsm.cli._options import (
     engine_option,
     limit_options,
     option,
+    output_option,
     read_values,
     scenario_options,
     tell_settings,
@@ -36,6 +40,7 @@ if TYPE_CHECKING:
 _NO_PATH = """no plan is given; name a file, a folder, or - for standard input. Example:
   gpsfsm view plan.xml"""
 _HEAD = 4_096
+_WRITTEN = ParameterSource.COMMANDLINE
 _SYNTAX = ("GP1", "GP8")
 """How the codes of rules begin that are about the text."""
 
@@ -43,28 +48,17 @@ _SYNTAX = ("GP1", "GP8")
 def _page_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is shown and where it is written."""
     options = (
-        click.option(
-            "-o",
-            "--output-file",
-            metavar="FILE",
-            type=click.Path(),
-            help="The page; - for standard output. [default: the plan's name with .html, here]",
+        output_option("The page. [default: the plan's name with .html, here]", default=None),
+        declare(
+            "--force", is_flag=True, common=True, help="Overwrite a file that is not a gpsfsm page."
         ),
-        click.option(
-            "--force", is_flag=True, help="Overwrite a file even if it is no page of gpsfsm."
-        ),
-        click.option("--open", "opens", is_flag=True, help="Show the page in the browser."),
-        click.option("--diff", is_flag=True, help="Two plans side by side: do they do the same?"),
-        click.option(
-            "--task",
-            metavar="FILE",
-            type=click.Path(),
-            help="A task file: grade the plans, and show where they leave the task.",
-        ),
+        declare("--open", "opens", is_flag=True, common=True, help="Open the page in the browser."),
+        declare("--diff", is_flag=True, common=True, help="Compare two plans side by side."),
+        declare_file("--task", common=True, help="Grade the plans against this task file."),
         option("select"),
         option("ignore"),
     )
-    return apply(options, command)
+    return apply(options, command, "The page")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,8 +73,13 @@ class ViewCommand(CheckValues):
     task: str | None
 
 
-@click.command("view", short_help="Make a page that shows plans.")
-@click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
+@click.command(
+    "view",
+    cls=Command,
+    section=Section.CHECK,
+    short_help="Write a page that shows plans and findings.",
+)
+@click.argument("paths", nargs=-1, metavar="PATH…", type=ANY_PATH)
 @_page_options
 @engine_option
 @scenario_options
@@ -92,51 +91,75 @@ class ViewCommand(CheckValues):
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Make a page of the plans in PATH…: files, folders (all *.xml in them), or - for stdin.
+    r"""Write a page that shows the plans in PATH…: files, folders, or - for stdin.
 
-    The page is one file that needs no network: the plan as a tree, as an automaton and as text,
-    with its findings, whose scenarios can be played. Texts with errors are shown as far as they go.
+    The page is one file that needs no network: tree, automaton and text of each plan, with its
+    findings and scenarios that play step by step.
 
     \b
-    Exit code: 0 written, 1 written, but a text has errors, 2 a plan could not be read, or nothing
-    was written. Findings about what a plan does make no difference.
+    Exit code: 0 written, 1 written but a text has errors, 2 not written.
 
     \b
     Examples:
       gpsfsm view plan.xml --open
       gpsfsm view a.xml b.xml --diff -o a-and-b.html
-    """  # noqa: D301  (click wants the \b)
+    """
     values = read_values(context, ViewCommand, [name for name in SETTINGS if name != "fail_on"])
     if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
-    return _run(values)
+    return _run(values, _check_words(context))
 
 
-def _run(values: ViewCommand) -> int:
+def _check_words(context: click.Context) -> str:
+    """The options of this command line that `gpsfsm check` has too, for a shell."""
+    from gpsfsm.cli import check
+
+    shared = {option.name for option in check.COMMAND.params} - {"paths", "output_file", "diff"}
+    words: list[str] = []
+    for each in context.command.params:
+        name = each.name or ""
+        if name not in shared or context.get_parameter_source(name) is not _WRITTEN:
+            continue
+        value = context.params[name]
+        flag = max(each.opts, key=len)
+        if isinstance(value, bool):
+            words.append(flag if value else each.secondary_opts[0])
+        else:
+            values = value if isinstance(value, tuple) else (value,)
+            words += [word for one in values for word in (flag, str(one))]
+    return shlex.join(words)
+
+
+def _run(values: ViewCommand, check: str) -> int:
     from gpsfsm.checking.inputs import find_inputs
     from gpsfsm.model.report import Report
+    from gpsfsm.streams import MANY, counted, progress_bar
     from gpsfsm.viewing.document import document, view_input
     from gpsfsm.viewing.page import page
 
     options = _options(values)
     inputs = list(find_inputs(values.paths))
     if values.diff and len(inputs) != 2:
-        raise UsageError(f"--diff compares two plans, and here are {len(inputs)}")
+        raise UsageError(f"--diff compares two plans, not {len(inputs)}")
     target = _target(values, inputs)
-    viewed = [view_input(each, options, complain) for each in inputs]
+    with progress_bar("checking", len(inputs), at_least=MANY) as tick:
+        views = (view_input(each, options, complain) for each in inputs)
+        viewed = list(counted(views, len(inputs), tick))
     unread = sum(each.text is None for each in viewed)
     if unread == len(inputs):
         raise GpsfsmError("no plan could be read, so there is nothing to show")
     report = Report(tuple(each.report for each in viewed))
     tell_settings(settings_used(values, report).settings)
-    text = page(document(viewed, options, diff=values.diff))
+    text = page(document(viewed, options, diff=values.diff) | {"check": check})
     write_text(text, target, form=Form.EXACT)
+    wrong = sum(map(_has_errors, viewed))
     if target != STDOUT:
         size = len(text.encode("utf-8", "backslashreplace"))
-        complain(f"{target}: {_counted(len(inputs))}, {size / 1000:,.0f} kB")
+        errors = f"; {wrong} with errors in the text" if wrong else ""
+        complain(f"{target}: {_counted(len(inputs))}, {size / 1000:,.0f} kB{errors}")
     if values.opens:
         _open(target)
-    return 2 if unread else int(any(map(_has_errors, viewed)))
+    return 2 if unread else int(wrong > 0)
 
 
 def _options(values: ViewCommand) -> CheckOptions:
@@ -169,7 +192,7 @@ def _target(values: ViewCommand, inputs: Sequence[Input]) -> str:
         raise GpsfsmError(f"cannot write {target}: {error.strerror or error}") from error
     if head and not is_report(head):
         raise UsageError(
-            f"{target} is there and no page that gpsfsm has written; name another file with -o, "
+            f"{target} exists and is not a page that gpsfsm wrote; name another file with -o, "
             "or overwrite it with --force"
         )
     return target

@@ -136,7 +136,7 @@ def read_connections(
     """
     profile = PROFILES.get(engine)
     if profile is None:
-        raise UsageError(f"there is no engine '{engine}'; there are {', '.join(PROFILES)}")
+        raise UsageError(f"there is no engine '{engine}'; the engines are {', '.join(PROFILES)}")
     if len(text) > limits.max_bytes:
         message = f"the text is longer than {limits.max_bytes:,} bytes; raise --max-bytes"
         raise InputError(f"{file}: {message}")
@@ -163,7 +163,7 @@ def _unmatched(reading: EngineText, result: EnginePlan, plan: Plan) -> EngineTex
         place, reason = plan.elements[index], "the interface of this runner is empty"
     else:
         place = _empty_control(plan, filter(None, map(reading.element, entries[gap + 1 :])))
-        reason = "an empty control takes a place among the connections without being a runner"
+        reason = "the engine makes a connection to an empty control as if it were a runner"
     message = f"Unmatched interface: {node.interface} provider: {node.provider} combination"
     refused = Rejected(message, place.start, reason)
     return replace(reading, result=refused, plan=None, line=place.line, column=place.column)
@@ -178,8 +178,8 @@ def _invalid(reading: EngineText, compiled: Compiled, library: Library) -> Engin
     place, wanted = runners[refusal.runner], refusal.wanted
     if wanted is None:
         message = f"Unmatched interface: {place.interface} provider: {place.provider} combination"
-        reason = "the robot has no such provider of the interface of this runner"
-        hint = "name an interface and a provider that the files of the robot describe"
+        reason = "the robot has no such provider of this runner's interface"
+        hint = "name an interface and a provider that the robot's files describe"
     else:
         message = (
             f"Unsatisfied required runtime input '{wanted.name}' for capability {place.interface} "
@@ -187,24 +187,22 @@ def _invalid(reading: EngineText, compiled: Compiled, library: Library) -> Engin
         )
         if wanted.semantic_key:
             message += f" (semantic_key={wanted.semantic_key})"
-        reason = f"nothing gives this runner its input '{wanted.name}'"
-        hint = (
-            "put a step that hands it over right before this runner, with no control between them"
-        )
+        reason = f"nothing provides the input '{wanted.name}' of this runner"
+        hint = "put a step that outputs it right before this runner, with no control between them"
         if reads_plan(wanted):
             hint = f'write {wanted.name}="…" in the plan, or {hint}'
         if refusal.giver is not None and refusal.join is not None:
             giver, join = runners[refusal.giver], compiled.automaton.nodes[refusal.join]
             control = compiled.automaton.plan.elements[join.origin]
             reason += (
-                f": {giver.interface.rpartition('/')[2]} at line {giver.line} has it, but only "
-                f"through the join of the {control.words} at line {control.line}, and a join hands "
-                "nothing over"
+                f": {giver.interface.rpartition('/')[2]} at line {giver.line} outputs it, but only "
+                f"through the join of the {control.words} at line {control.line}, and joins pass "
+                "no values on"
             )
         elif wanted.name in {attribute.name for attribute in place.attributes}:
-            reason += ": it must come from the step before, so that the attribute does not count"
+            reason += ": it must come from the step before, so the attribute does not count"
         else:
-            reason += ", neither a step that leads straight to it nor the plan"
+            reason += ", neither a step that leads directly to it nor the plan"
     refused = Rejected(message, place.start, reason, (), hint)
     return replace(reading, result=refused, plan=None, line=place.line, column=place.column)
 

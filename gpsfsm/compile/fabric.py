@@ -79,7 +79,7 @@ def compile_document(
     root = next((element for element in outermost if element.tag == "Plan"), None)
     if root is None:
         offset = outermost[0].start if outermost else 0
-        reason = "no <Plan> at the outermost level, and the engine reads it without asking"
+        reason = "there is no <Plan> at the outermost level, and the engine reads it unchecked"
         return Crashed(SEGMENTATION_FAULT, offset, reason)
     if outermost[0] is not root:
         return _not_first(outermost[0], profile)
@@ -91,7 +91,7 @@ def compile_document(
 
 def _not_first(first: EngineElement, profile: Profile) -> Rejected | Crashed:
     """Another element stands before ``<Plan>``."""
-    reason = f"<{first.tag}> stands before <Plan>"
+    reason = f"<{first.tag}> comes before <Plan>"
     if profile.checked:
         return Rejected(_NO_PLAN, first.start, reason, ())
     # The first version says so and then goes on with no element at all.
@@ -115,7 +115,7 @@ def check(document: EngineDocument, root: EngineElement) -> Rejected | Crashed |
             inside = document.elements(element.children)
             if not inside:
                 # It asks whether there are children, and then reads the first element of them.
-                reason = "a control that holds no element but text, a comment or the like"
+                reason = "this control contains text, a comment or the like, but no element"
                 return Crashed(SEGMENTATION_FAULT, element.start, reason)
             chains.append(iter(inside))
     return _rejection(document, rejected) if rejected else None

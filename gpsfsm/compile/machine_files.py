@@ -102,14 +102,14 @@ def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
         whole = strict_loads(text)
     except json.JSONDecodeError as error:
         raise _TextError(
-            f"the text is no JSON: {error.msg}", error.pos, "correct it there"
+            f"the text is not valid JSON: {error.msg}", error.pos, "correct it there"
         ) from None
     except RecursionError:
         raise _TextError("the JSON is nested too deeply") from None
     except ValueError as error:
-        raise _TextError(f"the text is no usable JSON: {error}") from None
+        raise _TextError(f"the text is not usable as JSON: {error}") from None
     if not isinstance(whole, dict):
-        raise _TextError("a machine is a JSON object")
+        raise _TextError("a machine must be a JSON object")
     version = whole.get("version", SCHEMA)
     if version != SCHEMA:
         raise _TextError(f"the machine has version {shown(version)}; this gpsfsm reads {SCHEMA}")
@@ -117,7 +117,7 @@ def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
     for key in ("nodes", "edges"):
         rows[key] = whole.get(key)
         if not isinstance(rows[key], list) or not all(isinstance(row, dict) for row in rows[key]):
-            raise _TextError(f"a machine has a list of objects {key!r}")
+            raise _TextError(f"{key!r} must be a list of objects")
     graph: nx.MultiDiGraph[Any] = networkx.MultiDiGraph(version=SCHEMA)
     places: dict[Hashable, Place] = {}
     spans = _spans(text)
@@ -141,7 +141,7 @@ def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
 def _name(value: object) -> str | int:
     if isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool)):
         return value
-    raise _TextError(f"the name of a node is a text or a whole number, not {shown(value)}")
+    raise _TextError(f"the name of a node must be a text or a whole number, not {shown(value)}")
 
 
 def _spans(text: str) -> list[Place]:
@@ -186,7 +186,7 @@ def _from_graphml(text: str) -> tuple[nx.Graph[Any], dict[Hashable, Place]]:
     try:
         graph = networkx.parse_graphml(text, node_type=str, force_multigraph=True)
     except Exception as error:  # it raises whatever a text makes it stumble over
-        raise _TextError(f"the text is no GraphML that networkx reads: {error}") from None
+        raise _TextError(f"networkx cannot read the text as GraphML: {error}") from None
     lines = Lines(text)
     places: dict[Hashable, Place] = {}
     for tag in _TAGS.finditer(text):
@@ -200,7 +200,7 @@ def _from_graphml(text: str) -> tuple[nx.Graph[Any], dict[Hashable, Place]]:
                 data["parameters"] = strict_loads(parameters)
             except (ValueError, RecursionError):
                 start = places.get(name, Place()).start
-                message = f"the parameters of the node {shown(name)} are no JSON object"
+                message = f"the parameters of the node {shown(name)} are not a JSON object"
                 raise _TextError(message, start) from None
     return graph, places
 

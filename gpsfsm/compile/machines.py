@@ -80,7 +80,7 @@ class _Reader:
     def read(self) -> ReadMachine:
         """Read nodes, connections and what they make together."""
         if not self.graph.is_directed():
-            self.fault(None, "the graph has no directions", "use a networkx.MultiDiGraph")
+            self.fault(None, "the graph is not directed", "use a networkx.MultiDiGraph")
             return (None, tuple(self.problems))
         names: dict[str, Hashable] = {}
         for name, data in self.graph.nodes(data=True):
@@ -124,8 +124,8 @@ class _Reader:
         if kind is NodeKind.JOIN:
             need = data.get("need")
             if isinstance(need, bool) or not isinstance(need, int) or need < 1:
-                message = f"is a join with the need {shown(need)}"
-                self.fault(name, message, "the need is a whole number of at least 1")
+                message = f"is a join with an invalid need: {shown(need)}"
+                self.fault(name, message, "write a need that is a whole number of at least 1")
                 need = 1
             self.needs[name] = need
         elif kind is NodeKind.RUNNER:
@@ -146,7 +146,7 @@ class _Reader:
             self.fault(
                 name,
                 "has a provider or parameters of a wrong type",
-                "the provider is a text, the parameters are texts, numbers and Booleans by name",
+                "write the provider as a text and each parameter as a text, number or Boolean",
             )
             return ()
         place = self.places.get(name, Place())
@@ -157,7 +157,7 @@ class _Reader:
                 self.fault(name, f"has the parameter {shown(key)}", "choose another name for it")
             elif not isinstance(value, bool | int | float | str):
                 message = f"has the parameter {shown(key)} with a value of a wrong type"
-                self.fault(name, message, "values are texts, numbers and Booleans")
+                self.fault(name, message, "write a text, a number or a Boolean")
             else:
                 text = written(value)
                 attributes.append(Attribute(key, text, value, place.line, place.column))
@@ -179,9 +179,10 @@ class _Reader:
                 event_text, action_text = data.get("event"), data.get("action", "trigger")
                 self.fault(
                     source,
-                    f"has a connection to {shown(target)} with the event {shown(event_text)} "
-                    f"and the action {shown(action_text)}",
-                    "events are STARTED, STOPPED, SUCCEEDED and FAILED, actions trigger and stop",
+                    f"has a connection to {shown(target)} with an invalid event or action: "
+                    f"{shown(event_text)}, {shown(action_text)}",
+                    "use the events STARTED, STOPPED, SUCCEEDED and FAILED, and the actions "
+                    "trigger and stop",
                 )
                 continue
             if None in kinds:
@@ -211,11 +212,11 @@ class _Reader:
     ) -> str:
         """The reason why a connection makes no sense, or nothing."""
         if source in _ENDS:
-            return f"nothing leads on from {source}"
+            return f"nothing may follow {source}"
         if source is not NodeKind.RUNNER and event is not Event.SUCCEEDED:
-            return f"a {source} node emits SUCCEEDED only"
+            return f"a {source} node emits only SUCCEEDED"
         if target is NodeKind.START:
-            return "nothing leads to a start node"
+            return "nothing may lead to a start node"
         if action is Action.STOP and target in _ENDS:
             return "only runners and joins can be stopped"
         return ""
@@ -231,9 +232,11 @@ class _Reader:
                 continue
             nodes = sorted({vertex // 4 for vertex in members})
             names = ", ".join(plan.path(automaton.nodes[each].origin) for each in nodes)
-            message = f"these nodes cause each other's events at one instant: {clip(names, 300)}"
+            message = (
+                f"these nodes cause each other's events at the same instant: {clip(names, 300)}"
+            )
             location = plan.location(automaton.nodes[nodes[0]].origin)
-            hint = "a loop has to pass through SUCCEEDED or FAILED of a runner"
+            hint = "let each loop pass through SUCCEEDED or FAILED of a runner"
             self.problems.append(Problem(MALFORMED, message, location, hint))
 
     # -- the automaton ----------------------------------------------------------------------

@@ -35,12 +35,12 @@ _Step = Generator[tuple[int, Signal | None], Outlets, Outlets]
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """A compiled plan: its automaton, its units, and per unit the signal that triggers it.
+    """A compiled plan: its automaton, its units, and for each unit the signal that triggers it.
 
-    ``outlets`` holds per unit the signals of its success and its failure, through which all goes
-    that it leads to (with a start chain, STARTED leads on too).
-    ``bindings`` holds, per runner instance, what is known about it (None: undescribed), with the
-    names under which something arrives in this automaton.
+    ``outlets`` holds, for each unit, the signals of its success and its failure; whatever follows
+    the unit is connected to these (with a start chain, also to STARTED). ``bindings`` holds, for
+    each runner instance, its description in the library (None: undescribed), under the names that
+    this automaton uses.
     """
 
     automaton: Automaton
@@ -51,7 +51,7 @@ class Compiled:
 
     @property
     def graph(self) -> nx.MultiDiGraph[int]:
-        """The automaton as a frozen graph of networkx (docs/machines.md)."""
+        """The automaton as a frozen networkx graph (docs/machines.md)."""
         return self.automaton.graph
 
 
@@ -61,12 +61,14 @@ def compile_plan(
     start_chain: bool = False,
     bindings: tuple[Binding | None, ...] | None = None,
 ) -> Compiled:
-    """Compile a plan into its automaton; linear, for any depth.
+    """Compile a plan into its automaton, in linear time for any nesting depth.
 
-    With ``start_chain`` each further unit of a parallel control is triggered by the STARTED of a
-    runner of the unit before it, as the fault model ``no-start`` needs it. ``bindings`` are carried
-    along for the analyses; without them all instances are undescribed. Raises UsageError for what
-    is no plan.
+    ``start_chain``: each further unit of a parallel control is triggered by the STARTED event of a
+    runner in the unit before it, as the fault model ``no-start`` requires. ``bindings``, one for
+    each runner instance in document order, are kept for the analyses; without them, all instances
+    are undescribed.
+
+    Raises UsageError if ``plan`` is not a ``Plan``.
     """
     if not isinstance(plan, Plan):
         raise misused("compile_plan", "a plan", plan, "gpsfsm.parse(text).plan is one")

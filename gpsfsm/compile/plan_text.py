@@ -157,7 +157,7 @@ def _trees(
         first, last = collector.location(start).line, collector.location(end - 1).line
         lines = f"line {first}" if first == last else f"lines {first} to {last}"
         note = f"took {lines} of the answer as the tree; left out: the rest"
-        hint = "nothing to do, if that is the tree you mean"
+        hint = "nothing to do if that is the tree you mean"
         collector.add(_EXTRACTED, start, len("<root"), message=note, hint=hint, element="/root")
         notes = (*notes, note)
     problems = collector.problems()
@@ -220,8 +220,8 @@ def approximated(machine: TreeMachine, besides: Collection[Location] = ()) -> It
         shown = lines[:_MOST_LINES] if len(lines) > _MOST_LINES + 1 else lines[:-1]
         last = lines[-1] if len(shown) == len(lines) - 1 else f"{len(lines) - len(shown)} more"
         where = f"lines {', '.join(shown)} and {last}"
-    message = f"the automaton says more than this tree does, because of {where}"
-    hint = "what it never does the tree never does; what it can do may need values that never occur"
+    message = f"the automaton allows more than this tree can do, because of {where}"
+    hint = "trust what is reported as impossible; what is possible may need values that never occur"
     yield Problem(_APPROXIMATED, message, places[0], hint)
 
 

@@ -237,13 +237,13 @@ class _Unfolder:
         elif not node.explicit and name in self.forest.trees and not self._described(name):
             self._subtree(node, self.forest.trees[name], use)
         elif node.children:
-            what = f"what the node {name} does with its children is not known"
+            what = f"it is unknown what the node {name} does with its children"
             hint = (
-                "write it with nodes that BehaviorTree.CPP has; or take it as one action: leave "
-                f'its children out and declare <Action ID="{name}"/> in <TreeNodesModel>'
+                "write it with nodes of BehaviorTree.CPP, or treat it as one action: remove "
+                f'its children and declare <Action ID="{name}"/> in <TreeNodesModel>'
             )
             if alike := nearest(name, BUILTINS):
-                hint = f"write {alike}, if that is meant"
+                hint = f"write {alike} if that is what you mean"
             self._lose(node, what, hint)
         else:
             self._leaf(node, use)
@@ -281,7 +281,7 @@ class _Unfolder:
     def _plain(self, node: TreeNode, meaning: Meaning, use: _Use) -> None:
         """A node without numbers: how its units are built tells what it does."""
         if meaning is Meaning.MEMORY and use.retried:
-            what = f"{node.identity} goes on where it failed when the Retry around it tries again"
+            what = f"{node.identity} resumes where it failed when the Retry around it tries again"
             self._lose(node, what, "use Sequence, or put the Retry around the child that fails")
             return
         element = self._control(node, use)
@@ -318,10 +318,10 @@ class _Unfolder:
             self._unknown(node, port)
             return
         if rounds < 1:
-            why = "has no end in the automaton" if rounds == -1 else "never runs what is in it"
-            bound = "without a bound" if rounds == -1 else "without a round"
-            what = f"{node.identity} {bound} ({port}={rounds}) {why}"
-            self._lose(node, what, f'write how often at most: {port}="3"')
+            why = "has no end in the automaton" if rounds == -1 else "never runs its child"
+            bound = "without a limit" if rounds == -1 else "with no round"
+            what = f"a {node.identity} {bound} ({port}={rounds}) {why}"
+            self._lose(node, what, f'write a limit, such as {port}="3"')
             return
         element = self._control(node, use)
         kind = UnitKind.GUARD if retries else UnitKind.SEQUENCE
@@ -348,15 +348,20 @@ class _Unfolder:
             counts.append(size + count + 1 if count < 0 else count)
         need, fails = counts
         if not (1 <= need <= size and 1 <= fails <= size):
-            what = f"a Parallel of {size} cannot wait for {need} successes or {fails} failures"
+            what = (
+                f"a Parallel of {size} children cannot wait for {need} success{'es' * (need != 1)} "
+                f"or {fails} failure{'s' * (fails != 1)}"
+            )
             self._report("GP811", node, what, f"write numbers from 1 to {size}, or -1 for all")
             return
         if min(fails, size - need + 1) + need <= size:
             what = (
-                f"{need} of {size} successes end this Parallel, and {fails} of {size} failures, "
-                "too: which of the two comes first decides"
+                f"{need} of {size} successes end this Parallel, and so do {fails} of {size} "
+                "failures: its result depends on which come first"
             )
-            hint = f'write failure_count="{size - need + 1}", so that only one of them can come'
+            hint = (
+                f'write failure_count="{size - need + 1}", so that only one of the two can happen'
+            )
             self._lose(node, what, hint)
             return
         kind = UnitKind.ALL if need == size else UnitKind.ANY if need == 1 else UnitKind.COUNT
@@ -372,7 +377,8 @@ class _Unfolder:
             return
         fails = size + count + 1 if count < 0 else count
         if not 1 <= fails <= size:
-            what = f"a ParallelAll of {size} cannot fail with {fails} failures"
+            failures = f"{fails} failure{'s' * (fails != 1)}"
+            what = f"a ParallelAll of {size} children cannot fail with {failures}"
             self._report("GP811", node, what, f"write a number from 1 to {size}, or -1 for all")
             return
         self._side_by_side(node, use, UnitKind.WAIT, size - fails + 1)
@@ -427,7 +433,7 @@ class _Unfolder:
         self.problems.setdefault((node.index, rule), problem)
 
     def _lose(self, node: TreeNode, message: str, hint: str = "") -> None:
-        hint = hint or "use nodes whose results alone decide what comes next"
+        hint = hint or "use nodes whose results alone determine what runs next"
         self._report(_LOST, node, message, hint)
 
     def _unknown(self, node: TreeNode, port: str) -> None:
@@ -435,7 +441,7 @@ class _Unfolder:
         if not is_reference(node.text(port)):
             self.blocked = True
             return
-        what = f"{port} of this {node.identity} comes from the blackboard, so that it is not known"
+        what = f"{port} of this {node.identity} comes from the blackboard, so it is unknown"
         self._lose(node, what, "write the number here")
 
     def _too_much(self, use: _Use, what: str) -> None:
@@ -460,7 +466,10 @@ def first_inexpressible(units: Units, reactive: Mapping[int, bool]) -> Iterator[
     for unit, kind in enumerate(units.kinds):
         ends = [instant[child] for child in units.children[unit]]
         if kind in _PARALLEL and len(ends) > 1 and _parallel(units, unit, ends) is not None:
-            yield unit, "children that end at once end this Parallel before it has started all"
+            yield (
+                unit,
+                "children that end at once end this Parallel before it has started all of them",
+            )
     for unit, sequence in reactive.items():
         ends = [instant[child] for child in units.children[unit][:-1]]
         if any(end is not sequence for end in ends):
@@ -468,7 +477,7 @@ def first_inexpressible(units: Units, reactive: Mapping[int, bool]) -> Iterator[
             yield (
                 unit,
                 f"this {what} ticks its first children again while the last one runs, so that "
-                "what they say may change; the automaton asks once",
+                "their results may change; the automaton asks them once",
             )
 
 

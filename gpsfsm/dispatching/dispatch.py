@@ -60,16 +60,16 @@ _EARLY = (Code.QUEUED, Code.PARSING, Code.VALIDATING)
 
 _QUEUE_ENDED = (
     "the plan is still QUEUED: another plan runs, or the thread that takes plans out of the queue "
-    "has ended, as that of Fabric V2 does whenever the queue is empty; then no plan is run any "
-    "more until the server is started again"
+    "has ended, as that of Fabric V2 does whenever the queue is empty; then no plan runs "
+    "until the server is restarted"
 )
 _LOST_SIGHT = (
-    "Fabric V3 does not tell the status of the plan that it runs (UNKNOWN); it is followed by the "
+    "Fabric V3 does not report the status of a running plan (UNKNOWN); it is followed by the "
     "events of its runners alone"
 )
 _V2_CANCEL = (
-    "Fabric V2 says that it has cancelled the plan, and does not: it goes on waiting for the end "
-    "of the plan, and all plans behind it with it, until the server is started again"
+    "Fabric V2 reports that it has cancelled the plan, but does not: it keeps waiting for the end "
+    "of the plan, and so do all plans behind it, until the server is restarted"
 )
 
 
@@ -126,7 +126,7 @@ def _as_message(text: bytes, name: str) -> str:
         plan = text.decode()
     except UnicodeDecodeError as error:
         raise GpsfsmError(
-            f"{name}: byte {error.start + 1:,} is no UTF-8, and nothing else can be submitted"
+            f"{name}: byte {error.start + 1:,} is not UTF-8, and nothing else can be submitted"
         ) from None
     if "\0" in plan:
         raise GpsfsmError(f"{name}: it holds the character U+0000, behind which nothing is sent")
@@ -361,13 +361,13 @@ class _Run:
         if code is Code.COMPLETED:
             mirror.begin()
             self._take_events(_SETTLE_S if self._has_events else 0)
-            mirror.reported(Status.COMPLETED, "the server says that the plan has completed")
+            mirror.reported(Status.COMPLETED, "the server reports that the plan has completed")
             if mirror.kernel.status is Status.COMPLETED:
                 return self._outcome(0)
-            return self._outcome(1, "the server says COMPLETED, and its events said otherwise")
+            return self._outcome(1, "the server reports COMPLETED, but its events contradict that")
         if code is Code.CANCELLED:
-            mirror.cancel("somebody else has cancelled the plan")
-            return self._outcome(1, "somebody else has cancelled the plan")
+            mirror.cancel("another client has cancelled the plan")
+            return self._outcome(1, "another client has cancelled the plan")
         if code is Code.RUNNING:
             mirror.begin()
         if code.failed:
@@ -395,8 +395,8 @@ class _Run:
     def _forgotten(self) -> Outcome:
         return self._outcome(
             1,
-            "the server does not know the plan any more (UNKNOWN): it has ended, or was cancelled, "
-            "or the server was started again",
+            "the server no longer knows the plan (UNKNOWN): it has ended, or was cancelled, "
+            "or the server was restarted",
         )
 
     def _lost(self, why: str) -> Outcome:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.watch.record_text import Words
 
-_WAITS = "the server goes on waiting (HANG)"
+_WAITS = "the server keeps waiting (HANG)"
 _EVENTS = {Kind.SUCCEEDED: Event.SUCCEEDED, Kind.FAILED: Event.FAILED}
 _MOST = 20
 
@@ -38,7 +38,7 @@ def explained(
     if status is Status.COMPLETED:
         return where.recovered()
     if not has_events:
-        return ["nobody can say which runners acted: no events of them were received"]
+        return ["it is unknown which runners acted: no events from them were received"]
     return where.active(now_us)
 
 
@@ -62,16 +62,16 @@ class _Where:
         ended = self._trace.ended.items()
         dead = [node for node, kind in ended if kind is Kind.FAILED and not self._leads(node, kind)]
         sentences = [
-            f"the plan left its specified part at {self._name(node)} failed and nothing takes "
-            f"that; {_WAITS}"
+            f"the plan left its specified part at {self._name(node)}: it failed, and nothing "
+            f"follows that; {_WAITS}"
             for node in dead
         ]
         sentences += self._waiting_joins()
         if not sentences:
             last = [node for node, kind in ended if not self._leads(node, kind)]
             sentences = [
-                f"the plan left its specified part at {self._name(node)} succeeded and nothing "
-                f"follows that; {_WAITS}"
+                f"the plan left its specified part at {self._name(node)}: it succeeded, and "
+                f"nothing follows that; {_WAITS}"
                 for node in last[-1:]
             ]
         return sentences[:_MOST] or [f"nothing more can happen; {_WAITS}"]
@@ -103,20 +103,20 @@ class _Where:
         ]
         return [
             f"the plan left its specified part at {self._name(node)}: its join got an input after "
-            "it had fired, at which the Capabilities2 server aborts; start that again"
+            "it had fired, so the Capabilities2 server aborts; restart it"
             for node in many
             if node in self._automaton.traits.breaking
-        ] or ["the Capabilities2 server aborts at an input too many; start it again"]
+        ] or ["the Capabilities2 server aborts at one input too many; restart it"]
 
     def recovered(self) -> list[str]:
         """The failures that something took, and what acts on."""
         failed = [
-            f"{self._name(node)} failed, and the plan went on"
+            f"{self._name(node)} failed, and the plan continued"
             for node, kind in self._trace.ended.items()
             if kind is Kind.FAILED
         ]
         acting = [
-            f"{self._name(node)} was still active, and may act on until the next plan"
+            f"{self._name(node)} was still active, and may continue to act until the next plan"
             for node in self._trace.active
         ]
         return [*failed[:_MOST], *acting[:_MOST]]
@@ -124,7 +124,7 @@ class _Where:
     def quiet(self) -> list[str]:
         """The instances that act."""
         acting = [*self._trace.active][:_MOST]
-        return [f"{self._name(node)} is active, and no event comes of it" for node in acting]
+        return [f"{self._name(node)} is active, but no event comes from it" for node in acting]
 
     def active(self, now_us: int) -> list[str]:
         """The instances that act, as far as events say so."""

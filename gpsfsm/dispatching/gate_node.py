@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from gpsfsm import logs
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.gating import Gate
 from gpsfsm.gating.deciding import refusal
@@ -22,7 +23,7 @@ from gpsfsm.report import RenderOptions, render
 from gpsfsm.ros.fabric import PUBLIC, WAIT_S, Fabric, full_name
 from gpsfsm.ros.fabric_front import THREADS, FabricFront
 from gpsfsm.ros.node import RosNode
-from gpsfsm.streams import append_text, complain, write_text
+from gpsfsm.streams import append_text, write_text
 
 if TYPE_CHECKING:
     from gpsfsm.gating import GateOptions, Verdict
@@ -73,7 +74,7 @@ class PlanKeeper:
         options = self._gate.options
         most = options.check.limits.max_bytes
         if len(content) > most:
-            why = f"the plan has {len(content):,} bytes, and {most:,} are the most (--max-bytes)"
+            why = f"the plan has {len(content):,} bytes; the limit is {most:,} (--max-bytes)"
             return refusal(content, options, why, "plan")
         return self._gate(content, "plan")
 
@@ -99,7 +100,7 @@ class PlanKeeper:
             if message in self._troubles or len(self._troubles) > 1_000:
                 return
             self._troubles.add(message)
-        complain(message)
+        logs.event("warning", "trouble", message)
 
     def well(self) -> None:
         """Nothing is wrong by now: what was said may be said again."""

@@ -174,7 +174,7 @@ _CONTRADICTION = "the two deciders differ on whether the plans do the same"
 
 
 class UndecidedError(GpsfsmError):
-    """Neither equal nor different could be shown within the limits."""
+    """The limits were reached before the plans were shown to be equal or different."""
 
 
 def compare(
@@ -224,7 +224,7 @@ def compare(
     try:
         return _decide(sides, decider, rlimit, second_opinion=second_opinion)
     except Inconclusive:
-        raise UndecidedError("z3 met its limit on the assumptions") from None
+        raise UndecidedError("z3 reached its limit on the assumptions") from None
 
 
 def _compare_machines(
@@ -241,15 +241,17 @@ def _compare_machines(
         return lockstep(sides, max_work=max(_WORK, _WORK_PER_RUNNER * size))
     except TooManyStatesError:
         raise UndecidedError(
-            "neither that the machines do the same nor a difference was found within the limits: "
-            "they have too many configurations, or too many equal actions side by side"
+            "neither a proof that the machines do the same nor a difference was found within the "
+            "limits: they have too many configurations, or too many equal actions side by side"
         ) from None
 
 
 def _compiled(plan: Plan | Compiled) -> Compiled:
     compiled = plan if isinstance(plan, Compiled) else compile_plan(plan)
     if compiled.automaton.traits != PAPER:
-        raise UsageError("plans are compared as docs/semantics.md defines them, not as engines do")
+        raise UsageError(
+            "plans are compared by the semantics of docs/semantics.md, not by those of an engine"
+        )
     return compiled
 
 
@@ -298,8 +300,8 @@ def _by_z3(sides: Sides, rlimit: int) -> Difference | None:
         return prove(sides, rlimit=rlimit)
     except NotProvedError:
         raise UndecidedError(
-            "neither a proof that the plans do the same nor a difference was found within the "
-            "limits: they have too many states, or too many equal actions side by side"
+            "it could not be decided within the limits whether the plans do the "
+            "same: they have too many states, or too many equal actions side by side"
         ) from None
 
 
@@ -355,6 +357,10 @@ def echo_of(plan: Compiled, example: Compiled) -> Echo:
 # -- conversion, which compares what it has written ----------------------------------------
 
 
+DRAWN = ("graphml", "json", "mermaid", "dot")
+"""The formats that show the automaton; ``gpsfsm convert`` writes them without a comparison."""
+
+
 def targets() -> tuple[str, ...]:
     """The names of the formats that can be written."""
     from gpsfsm.compile.formats import formats
@@ -374,7 +380,8 @@ def convert_plan(plan: Plan, to: str) -> str:
 
     chosen = formats().get(to)
     if chosen is None or chosen.write is None:
-        raise UsageError(f"there is no format '{to}'; there are {', '.join(targets())}")
+        names = ", ".join(sorted({*targets(), *DRAWN}))
+        raise UsageError(f"there is no format '{to}'; the formats are: {names}")
     text = chosen.write(compile_plan(plan).automaton)
     again = read_plan_or_machine(text, file=plan.file)
     if again.plan is None:

@@ -1,4 +1,4 @@
-"""A difference between two plans, told side by side."""
+"""A difference between two plans, shown side by side."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _reaction(plan: Plan, mine: Reaction, other: Plan, theirs: Reaction) -> str:
     if mine.end is not None:
         parts.append(_ENDS[mine.end])
     elif theirs.end is not None and not extra:
-        parts.append("goes on")
+        parts.append("continues")
     return " and ".join(parts)
 
 
@@ -127,13 +127,13 @@ def difference_as_data(first: Plan, second: Plan, difference: Difference) -> dic
     }
 
 
-def comparison_as_data(first: Plan, second: Plan, found: Difference | None) -> dict[str, Any]:
+def comparison_as_data(first: Plan, second: Plan, difference: Difference | None) -> dict[str, Any]:
     """The outcome of a comparison for programs: ``gpsfsm diff --format json`` prints it."""
     return {
         "first": first.file,
         "second": second.file,
-        "equal": found is None,
-        "difference": None if found is None else difference_as_data(first, second, found),
+        "equal": difference is None,
+        "difference": None if difference is None else difference_as_data(first, second, difference),
     }
 
 

@@ -48,7 +48,7 @@ _ENDS = {
     End.GAVE_UP: "the plan gives up",
     End.STUCK: "the plan is stuck",
     End.HANG: "the plan hangs",
-    End.ABORT: "the engine dies",
+    End.ABORT: "the engine crashes",
 }
 _AT_WORST: Mapping[End | None, End] = {End.GAVE_UP: End.HANG, End.STUCK: End.HANG}
 """The ends that engines do not know, and what they do instead. All others must be the same."""
@@ -192,12 +192,12 @@ def hangs_without_start(engine: Context, name: str) -> tuple[list[Finding], list
     if not lost:
         return [], []
     message = (
-        f"on {name} this plan does something else than the paper says: if {place(lost[0])} does "
-        f"not start, it has failed by the paper; {name} waits for it for ever, and the plan hangs"
+        f"this plan behaves differently on {name} than in the paper: if {place(lost[0])} does not "
+        f"start, it has failed according to the paper, but {name} waits for it for ever"
     )
-    hint = "check without --faults no-start, if it is sure that all runners start"
+    hint = "check without --faults no-start if you are sure that all runners start"
     location = engine.plan.location(lost[0])
-    related = tuple(engine.related(each, "likewise") for each in lost[1:])
+    related = tuple(engine.related(each, "the same holds here") for each in lost[1:])
     return [rule("GP703").finding(message, location, hint=hint, related=related)], []
 
 
@@ -216,21 +216,21 @@ def _finding(context: Context, engine: Context, difference: EngineDifference, na
     last = [number for number, _ in difference.steps[-1:]]
     element = plan.runners[(last or named)[0]].index if last or named else 0
     return rule("GP703").finding(
-        f"on {name} this plan does something else than the paper says: "
-        f"{_after(context, difference.steps)}by the paper {on_paper}; on {name} {on_engine}",
+        f"this plan behaves differently on {name} than in the paper: "
+        f"{_after(context, difference.steps)}in the paper {on_paper}; on {name} {on_engine}",
         plan.location(element),
         related=tuple(
             context.related(
                 plan.runners[number],
-                f"starts on {name} only"
+                f"starts only on {name}"
                 if number in difference.engine.triggered
-                else "starts by the paper only",
+                else "starts only in the paper",
             )
             for number in dict.fromkeys(named)
             if (number in difference.engine.triggered) != (number in difference.paper.triggered)
         ),
         scenario=_scenario(
-            engine, difference, (f"by the paper {on_paper}", f"on {name} {on_engine}")
+            engine, difference, (f"in the paper {on_paper}", f"on {name} {on_engine}")
         ),
     )
 

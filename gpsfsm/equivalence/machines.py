@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 import networkx
 
 from gpsfsm.analysis.constraints import constraints_of
-from gpsfsm.analysis.machines.search import bits
 from gpsfsm.compile.instants import (
     CODES,
     COMPLETED,
@@ -29,6 +28,7 @@ from gpsfsm.compile.instants import (
     STOPPED,
     Configuration,
     Instants,
+    bits,
 )
 from gpsfsm.equivalence.alignment import kinds_of
 from gpsfsm.equivalence.pairs import Behaviour, Joint, Meeting, Pair, Reaction, Sides, Step

@@ -137,10 +137,10 @@ class Joint(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The plans do not do the same: after ``steps`` they react differently.
+    """A difference between two plans: after ``steps`` they react differently.
 
-    Without steps they differ at the beginning. ``shortest``: no fewer outcomes show a difference;
-    else that took too long to find out.
+    Without steps they differ at the beginning. ``shortest``: no smaller number of outcomes shows a
+    difference; if False, the search for a smaller one took too long.
     """
 
     steps: tuple[Step, ...]
@@ -149,7 +149,7 @@ class Difference:
     shortest: bool = True
 
     def perhaps_not_first(self) -> Difference:
-        """The same, not known to be the shortest."""
+        """A copy with ``shortest`` set to False."""
         return Difference(self.steps, self.first, self.second, shortest=False)
 
 

@@ -221,7 +221,7 @@ class Continuing:
     def by(self, regenerator: Regenerator, policy: Policy) -> None:
         """Continue plans that give up. Raises UsageError if the queue has been used already."""
         if self._used:
-            raise UsageError("who continues plans is to be known before the first one")
+            raise UsageError("set who continues plans before the first plan")
         self._regenerator, self._policy = regenerator, policy
 
     def take(self, row: QueueRow) -> None:

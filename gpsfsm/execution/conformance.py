@@ -57,12 +57,12 @@ _LISTS = {
 
 
 class ConformanceError(AssertionError):
-    """A runner does not keep to the contract; the text says how."""
+    """A runner does not meet the contract; the message says how."""
 
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """What a runner did: ``duration_s`` in the time of the run, ``logs`` are its lines."""
+    """The doings of a runner: ``duration_s`` in the time of the run, ``logs`` are its lines."""
 
     succeeded: bool
     outputs: Mapping[str, RunValue]
@@ -73,7 +73,7 @@ class Observed:
 
 @dataclass(slots=True)
 class _Case:
-    """What is tried, and on what."""
+    """The runner that is tried, and what it is tried with."""
 
     make: Callable[[], Runner]
     parameters: Mapping[str, RunValue]
@@ -81,7 +81,7 @@ class _Case:
     options: Mapping[str, Any]
     real: bool
     name: str = ""
-    given: list[dict[str, RunValue]] = field(default_factory=list)
+    handed: list[dict[str, RunValue]] = field(default_factory=list)
     # of two instances: the parameters of each, None for one that does nothing; and how they ended
     each: tuple[Mapping[str, RunValue] | None, ...] = ()
     ends: dict[int, End] = field(default_factory=dict)
@@ -90,12 +90,12 @@ class _Case:
         """A runner that gets the parameters of this case."""
         made = self.make()
         if not isinstance(made, Runner):
-            raise ConformanceError(f"{type(made).__name__} is no subclass of Runner")
+            raise ConformanceError(f"{type(made).__name__} is not a subclass of Runner")
         self.name = type(made).__name__
-        return _Given(made, self)
+        return _Prepared(made, self)
 
 
-class _Given(Runner):
+class _Prepared(Runner):
     """Hands the parameters of a case to a runner."""
 
     def __init__(self, inner: Runner, case: _Case) -> None:
@@ -114,16 +114,16 @@ class _Given(Runner):
         wanted = case.each[context.number] if case.each else case.parameters
         if wanted is None:
             return None
-        given = copy.deepcopy(dict(wanted))
-        case.given.append(given)
+        values = copy.deepcopy(dict(wanted))
+        case.handed.append(values)
         if not case.each:
-            return await self.inner.run(given, context)
+            return await self.inner.run(values, context)
         try:  # one that fails would stop the other one
-            found = await self.inner.run(given, context)
+            outputs = await self.inner.run(values, context)
         except Exception as error:
             case.ends[context.number] = End(False, said(error))
         else:
-            case.ends[context.number] = End(True, repr(found))
+            case.ends[context.number] = End(True, repr(outputs))
         return None
 
     async def stop(self) -> None:
@@ -150,12 +150,12 @@ class _Rows:
         return None
 
     def count(self, *kinds: Kind) -> int:
-        """How many records there are of these kinds."""
+        """The number of records of these kinds."""
         return sum(record.kind in kinds for _, _, records in self.rows for record in records)
 
     @property
     def lines(self) -> list[str]:
-        """What runners and drivers have logged."""
+        """The lines that runners and drivers have logged."""
         return [happened.message for _, happened, _ in self.rows if happened.kind is Kind.LOG]
 
 
@@ -172,22 +172,21 @@ def check_runner(
     timeout_s: float = 86_400.0,
     grace_s: float = 5.0,
 ) -> Observed:
-    """Try a runner, and say what it did. Raises ConformanceError for what breaks the contract.
+    """Try out a runner and return what it did. Raises ConformanceError if it breaks the contract.
 
-    It is loaded and unloaded without errors; it ends as expected within ``timeout_s``; its outputs
-    are values, and those that ``provider`` declares, as are its outcomes and its duration; it
-    leaves its parameters alone; of two instances that act at once, each ends as it does alone;
-    it stops within ``grace_s``, whenever it is asked to; without parameters it fails or not, but
-    ends. In virtual time it must wait only through its context, and do the same for the same
-    ``seed``.
+    - It loads and unloads without errors, and ends as expected within ``timeout_s`` seconds.
+    - Its outputs are values. If there is a ``provider``, its outputs, outcomes and duration are
+      those that the provider declares.
+    - It does not change its parameters, and ends even if it gets none; it may then fail.
+    - Two instances that act at the same time end as each does alone.
+    - It stops within ``grace_s`` seconds at any time.
+    - In virtual time it waits only through its context, and does the same for the same ``seed``.
 
-    ``other`` are the parameters of the second of two instances. Without it they are made from the
-    first ones (numbers and texts are changed), and with ``real`` they are the same. If ``provider``
-    names resources, one of the two may fail.
-
-    ``make`` gives a new runner, ``services`` new services, for each try. ``real`` is for runners
-    that act outside of the program: they are tried in real time, so choose a ``timeout_s`` that
-    fits.
+    ``make`` returns a new runner and ``services`` new services for each try. ``other`` are the
+    parameters of the second of two instances; by default they are made from ``parameters`` by
+    changing numbers and texts, or are the same if ``real`` is set. If ``provider`` names resources,
+    one of the two instances may fail. ``real`` is for runners that act outside the program: they
+    run in real time, so choose a suitable ``timeout_s``.
     """
     options = {"seed": seed, "timeout_s": timeout_s, "grace_s": grace_s}
     case = _Case(make, parameters, services, options, real)
@@ -196,8 +195,8 @@ def check_runner(
     _check_end(case, observed, expect)
     if provider is not None:
         _check_declared(case, observed, provider)
-    for given in case.given:
-        if given != case.parameters:
+    for handed in case.handed:
+        if handed != case.parameters:
             raise ConformanceError(f"{case.name} changes the parameters that it is given")
     if not real and _try(case, _ONE).rows != rows.rows:
         raise ConformanceError(
@@ -277,26 +276,26 @@ def _observed(case: _Case, rows: _Rows) -> Observed:
 
 
 def _check_end(case: _Case, observed: Observed, expect: str) -> None:
-    given = dict(case.parameters)
+    parameters = dict(case.parameters)
     if expect == "succeeds" and not observed.succeeded:
         raise ConformanceError(
-            f"{case.name} should succeed with {given}, but it fails: {observed.message}"
+            f"{case.name} should succeed with {parameters}, but it fails: {observed.message}"
         )
     if expect == "fails" and observed.succeeded:
-        raise ConformanceError(f"{case.name} should fail with {given}, but it succeeds")
+        raise ConformanceError(f"{case.name} should fail with {parameters}, but it succeeds")
     if not observed.succeeded and observed.message in ("", "RunnerError"):
         raise ConformanceError(f"{case.name} fails and does not say why")
 
 
 def _check_declared(case: _Case, observed: Observed, provider: Provider) -> None:
-    """What the capability file says about outcomes, outputs and the duration holds."""
+    """Outcomes, outputs and the duration are as the capability file declares them."""
     outcomes = provider.outcomes
     if outcomes.never_fails and not outcomes.unless and not observed.succeeded:
         raise ConformanceError(f"{case.name} is declared never to fail: {observed.message}")
     if outcomes.never_succeeds and observed.succeeded:
         raise ConformanceError(f"{case.name} is declared never to succeed")
     event = Event.SUCCEEDED if observed.succeeded else Event.FAILED
-    declared = {found.name: found for found in provider.outputs if found.event is event}
+    declared = {output.name: output for output in provider.outputs if output.event is event}
     for name, value in observed.outputs.items():
         if name not in declared:
             raise ConformanceError(f"{case.name} returns {name!r}, which is not declared")
@@ -305,8 +304,8 @@ def _check_declared(case: _Case, observed: Observed, provider: Provider) -> None
             raise ConformanceError(
                 f"{case.name} returns {type(value).__name__} as {name!r}, declared is {wanted}"
             )
-    for name, found in declared.items():
-        if observed.succeeded and not found.optional and name not in observed.outputs:
+    for name, output in declared.items():
+        if observed.succeeded and not output.optional and name not in observed.outputs:
             raise ConformanceError(f"{case.name} does not return {name!r}, which is declared")
     _check_duration(case, observed, provider)
 
@@ -330,10 +329,10 @@ def _seconds(amount: float | str | None, case: _Case, provider: Provider) -> flo
     if isinstance(amount, str):
         parameter = provider.parameter(amount)
         default = None if parameter is None else parameter.default
-        found: object = case.parameters.get(amount, default)
+        bound: object = case.parameters.get(amount, default)
     else:
-        found = amount
-    return float(found) if isinstance(found, int | float) else None
+        bound = amount
+    return float(bound) if isinstance(bound, int | float) else None
 
 
 def _fits(value: object, wanted: ValueType) -> bool:
@@ -350,14 +349,14 @@ def _check_two(
     """Of two instances that act at once, each ends as it does while the other one does nothing."""
     if other is None:
         other = case.parameters if case.real else changed(case.parameters)
-    found = breach(
+    problem = breach(
         lambda *each: _two(case, *each),
         (case.parameters, other),
         exact=not case.real,
         exclusive=provider is not None and bool(provider.resources),
     )
-    if found:
-        raise ConformanceError(f"of two instances of {case.name} that act at once {found}")
+    if problem:
+        raise ConformanceError(f"of two instances of {case.name} that act at once {problem}")
 
 
 def _two(case: _Case, *each: Mapping[str, RunValue] | None) -> Mapping[int, End]:
@@ -394,7 +393,7 @@ def _check_unprepared(case: _Case) -> None:
 
 
 class End(NamedTuple):
-    """How an instance has ended: ``what`` it has returned, or why it has failed, in words."""
+    """The end of an instance: ``what`` it has returned, or why it has failed, in words."""
 
     succeeded: bool
     what: str
@@ -404,41 +403,41 @@ class Attempt(Protocol):
     """Lets two instances act at once, with these parameters; None for one that does nothing."""
 
     def __call__(self, *each: Mapping[str, RunValue] | None) -> Mapping[int, End]:
-        """How they have ended, by their numbers."""
+        """Their ends, by their numbers."""
 
 
 def breach(
     attempt: Attempt,
-    given: tuple[Mapping[str, RunValue], Mapping[str, RunValue]],
+    parameters: tuple[Mapping[str, RunValue], Mapping[str, RunValue]],
     *,
     exact: bool,
     exclusive: bool,
 ) -> str:
-    """What one does otherwise than alone, in words; "" for nothing.
+    """The difference to what each does alone, in words; "" for none.
 
     Not ``exact``: only whether it succeeds counts, not with what. ``exclusive``: one may fail
     because of the other.
     """
-    first, second = given
+    first, second = parameters
     alone = [attempt(first, None).get(0), attempt(None, second).get(1)]
     if alone[1] is None:  # with what was made from the first ones it has no end
         second, alone[1] = first, attempt(None, first).get(1)
     both = attempt(first, second)
-    for number, parameters in enumerate((first, second)):
-        expected, found = alone[number], both.get(number)
-        if found == expected:
+    for number, own in enumerate((first, second)):
+        expected, end = alone[number], both.get(number)
+        if end == expected:
             continue
-        if found is None:
+        if end is None:
             return "one never ends"
-        if exclusive and not found.succeeded:
+        if exclusive and not end.succeeded:
             continue
-        same = expected is not None and found.succeeded == expected.succeeded
-        if same and not (exact and found.succeeded):
+        same = expected is not None and end.succeeded == expected.succeeded
+        if same and not (exact and end.succeeded):
             continue
         return (
-            f"the one with {dict(parameters)} ends otherwise than alone: it {_told(found)}, alone "
-            f"it {_told(expected)}. What belongs to one step must not be kept in self; a runner "
-            "that can do one thing at a time waits, or its provider names a resource"
+            f"the one with {dict(own)} ends otherwise than alone: it {_described(end)}, alone "
+            f"it {_described(expected)}. What belongs to one step must not be kept in self; a "
+            "runner that can do one thing at a time waits, or its provider names a resource"
         )
     return ""
 
@@ -460,7 +459,7 @@ def _changed(value: RunValue) -> RunValue:
     return value if isinstance(value, bool) else value + 1
 
 
-def _told(end: End | None) -> str:
+def _described(end: End | None) -> str:
     if end is None:
         return "has no end"
     return f"returns {end.what}" if end.succeeded else f"fails: {end.what}"

@@ -66,7 +66,7 @@ def journal_error(
     no_text = isinstance(error, UnicodeDecodeError) or str(error).startswith(_NO_TEXT)
     if not name and no_text:  # of Python; it would show what is there
         return DamagedJournalError(
-            f"{path}: the journal is damaged (there is text in it that is no text); events before "
+            f"{path}: the journal is damaged (a text in it cannot be decoded); events before "
             "the damage can still be read"
         )
     if name.startswith("SQLITE_NOTADB"):
@@ -93,8 +93,8 @@ def journal_error(
         )
     if name.startswith(("SQLITE_CANTOPEN", "SQLITE_AUTH")):
         return JournalError(
-            f"{path}: the journal cannot be opened; do it and its folder exist, and may they be "
-            f"{doing}?"
+            f"{path}: the journal cannot be opened; check that its folder exists and that both may "
+            f"be {doing}"
         )
     if name.startswith(_DAMAGED) or isinstance(error, sqlite3.DataError):
         return DamagedJournalError(

@@ -154,15 +154,14 @@ def check_place(path: str) -> None:
     """
     place = Path(path)
     if place.is_dir():
-        raise JournalError(f"{path}: this is a folder, a journal is a file")
+        raise JournalError(f"{path}: this is a folder; a journal is a file")
     if not place.exists():
         return
     if not place.is_file():
-        raise JournalError(f"{path}: this is no regular file")
+        raise JournalError(f"{path}: this is not a regular file")
     if 0 < (size := place.stat().st_size) < _SMALLEST:  # SQLite takes it for a new one
-        raise JournalError(
-            f"{path}: this is not a journal of gpsfsm, it is cut off at {size} bytes"
-        )
+        end = f"{size} byte{'s' if size > 1 else ''}"
+        raise JournalError(f"{path}: this is not a journal of gpsfsm: it ends after {end}")
     # Not with open(): closing a file takes away the locks that this process has on it.
     connection = _connect(path, "ro&immutable=1", path)
     try:
@@ -270,7 +269,7 @@ def check_tables(connection: sqlite3.Connection, path: str) -> None:
     if different:
         kind, name, *_ = min(map(_shown, different))
         raise DamagedJournalError(
-            f"{path}: the journal is damaged: its {kind} {name} is not as it was made, or missing"
+            f"{path}: the journal is damaged: its {kind} {name} differs, or is missing"
         )
 
 
@@ -438,7 +437,7 @@ def _mark(connection: sqlite3.Connection, path: str, statement: str) -> Mark:
         raise journal_error(error, path, "read") from error
     kind = None if row is None else next((kind for kind in MarkKind if kind == row[1]), None)
     if kind is None or [type(value) for value in row] != [int, str, int, int]:
-        raise DamagedJournalError(f"{path}: the journal is damaged: its marks are not as written")
+        raise DamagedJournalError(f"{path}: the journal is damaged: its marks were changed")
     return Mark(row[0], kind, *row[2:])
 
 
@@ -451,7 +450,7 @@ def ending_of(connection: sqlite3.Connection, path: str, run: int) -> Ending | N
     if row is None:
         return None
     if [type(value) for value in row] != [int, str, bytes, bytes]:
-        raise DamagedJournalError(f"{path}: the journal is damaged: its marks are not as written")
+        raise DamagedJournalError(f"{path}: the journal is damaged: its marks were changed")
     return Ending(*row)
 
 

@@ -117,7 +117,7 @@ class Seen:
         try:
             magic = os.pread(self._file, len(_MAGIC), 0)
             if magic not in (b"", _MAGIC):
-                raise JournalError(f"{self._path}: this is no file of gpsfsm; move it away")
+                raise JournalError(f"{self._path}: this is not a gpsfsm file; move it away")
             self._write()
         except OSError as error:
             os.close(self._file)
@@ -297,8 +297,8 @@ def loss_in(path: str, connection: sqlite3.Connection | None = None) -> str:
             )
         if lost:
             return (
-                f"{path}: {lost} that had been written are missing: the machine went down, which "
-                f"the durability '{seen.durability}' does not outlive"
+                f"{path}: {lost} that had been written are missing: the machine crashed, which "
+                f"the durability '{seen.durability}' does not survive"
             )
         if seen.exact or may_go:
             return ""
@@ -381,7 +381,7 @@ _DECISION = "decision of the plan queue"
 def _how(path: str) -> str:
     log = Path(beside(path, "-wal"))
     if not log.exists() or not log.stat().st_size:  # whoever reads makes an empty one
-        return f"{log} is gone or empty"
+        return f"{log} is missing or empty"
     damage = _break(path)
     if damage is not None:
         return f"{log} is damaged at byte {damage.place:,}"

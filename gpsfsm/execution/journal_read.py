@@ -143,7 +143,7 @@ class Recorded(NamedTuple):
         link = chain.link if chain.count else b""
         if (chain.count, chain.ended, link, chain.wall_link) != ending:
             raise DamagedJournalError(
-                f"{chain.path}: the end of {chain.what[1]} is not as it was recorded: the journal "
+                f"{chain.path}: the end of {chain.what[1]} is not as recorded: the journal "
                 "is damaged"
             )
 

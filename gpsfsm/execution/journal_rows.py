@@ -34,12 +34,15 @@ _WALL_BYTES = 8
 class Row(NamedTuple):
     """One event in a journal.
 
-    ``input``: it came from outside; ``record``: it is an event of the run. Most inputs are both;
-    an answer whose outputs the provider does not declare is an input of its own, with the outputs
-    as they came. ``node`` and ``runner`` are -1 where none applies; ``element``, ``interface`` and
-    ``provider`` say the same in words. ``cause`` is the seq of the input from which an event
-    follows, 0 for inputs. ``data`` is canonical JSON of an object, or "". ``wall_us`` (microseconds
-    since 1970) is no part of the line.
+    - ``seq``: the number of the row; ``at_us``: its time in microseconds since the run began.
+    - ``input``: the row came from outside; ``record``: it is an event of the run. Most inputs are
+      both. If outputs are not declared by the provider, the answer is an input of its own with the
+      outputs as they came.
+    - ``node``, ``runner``: -1 if there is none; ``element``, ``interface`` and ``provider`` are the
+      same in words.
+    - ``cause``: the ``seq`` of the input that caused the event; 0 for inputs.
+    - ``data``: canonical JSON of an object, or "".
+    - ``wall_us``: microseconds since 1970; not part of the written line.
     """
 
     seq: int

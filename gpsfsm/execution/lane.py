@@ -161,10 +161,10 @@ def _driven(awaited: Coroutine[Any, Any, Any], action: Action) -> Generator[Any,
 
 
 async def in_thread(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-    """Call a function that blocks in a thread of its own, and wait for what it returns.
+    """Call a blocking function in a thread of its own, and wait for its result.
 
-    If the caller is stopped meanwhile, the thread is left alone: a function cannot be stopped. It
-    never keeps the process alive.
+    If the caller is cancelled in the meantime, the function runs on, because a thread cannot be
+    stopped. It does not keep the process alive. Raises whatever the function raises.
     """
     loop = asyncio.get_running_loop()
     waiting: asyncio.Future[Any] = loop.create_future()
@@ -371,7 +371,7 @@ class Residents:
         async def load() -> None:
             made = self._make(*key)
             if not isinstance(made, Runner):
-                raise RunnerError(f"{type(made).__name__} is no runner")
+                raise RunnerError(f"{type(made).__name__} is not a runner")
             resident.runner = made
             await made.start(LoadContext(*key, self._services))
 

@@ -100,7 +100,7 @@ class Ending(Generic[Admitted]):
 class PlanQueue(ABC, Generic[Admitted]):
     """The part that queues in virtual and in real time share. Not thread-safe.
 
-    ``held`` is why nothing begins until somebody releases the queue, "" if it is not held. At most
+    ``held`` is why nothing begins until the queue is released, "" if it is not held. At most
     ``most_waiting`` plans wait (a further one is refused), at most ``most_plans`` are ever
     submitted (then QueueFullError is raised), so plans that submit plans come to an end.
     """

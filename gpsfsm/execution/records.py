@@ -14,9 +14,9 @@ RunValue = bool | int | float | str | list["RunValue"]
 
 
 class Status(StrEnum):
-    """The status of a run; the words of the original server plus GAVE_UP and STUCK.
+    """The status of a run: those of the original server, GAVE_UP and STUCK.
 
-    HANG and ABORT are how runs end under the profile of an engine without give-up.
+    HANG and ABORT are ends of runs under the profile of an engine without a give-up.
     """
 
     QUEUED = "QUEUED"
@@ -59,7 +59,7 @@ class Kind(StrEnum):
     # marks: they are written down and change nothing in the run
     LOG = "LOG"  # a line of a runner
     NOTE = "NOTE"  # about the run as a whole: forced, another plan is queued, …
-    CONTINUED = "CONTINUED"  # the run goes on in another process
+    CONTINUED = "CONTINUED"  # the run continues in another process
     RESTARTED = "RESTARTED"  # an instance that was active when a process ended is asked again
     # what follows
     TRIGGERED = "TRIGGERED"  # an instance, with its parameters

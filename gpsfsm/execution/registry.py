@@ -180,10 +180,11 @@ def _named(provider: Provider, mode: Mode, allow: Collection[str], permit: str) 
     """The class that the capability file names."""
     match = _DOTTED.fullmatch(provider.runner)
     if match is None:
+        names = f"names {provider.runner[:200]!r}, which is not module:Class"
+        nothing = "has neither a section 'ros' nor a 'runner' (module:Class)"
         raise RunnerError(
-            f"no runner is installed for {provider.name}: its file names "
-            f"{provider.runner[:200]!r}, which is not module:Class, and no package registers one "
-            f"under {GROUP}"
+            f"no runner is installed for {provider.name}: its file "
+            f"{names if provider.runner else nothing}, and no package registers one under {GROUP}"
         )
     module, name = match.groups()
     if _below(module, _BUILT_IN):
@@ -244,7 +245,7 @@ def check_class(candidate: object, named: str) -> type[Runner]:
         or inspect.isabstract(candidate)
     ):
         raise RunnerError(
-            f"{named} is no runner: it has to be a subclass of {Runner.__module__}:"
+            f"{named} is not a runner: it must be a subclass of {Runner.__module__}:"
             f"{Runner.__name__} with a method run"
         )
     return candidate

@@ -34,9 +34,9 @@ _NO_DATA: Mapping[str, RunValue] = MappingProxyType({})
 
 
 class RunnerError(GpsfsmError):
-    """Raised by a runner: its action has failed. The message goes into the journal.
+    """Raised by a runner whose action has failed. The message goes into the journal.
 
-    ``outputs`` are handed over with FAILED, as far as the provider declares them.
+    ``outputs`` are passed on with FAILED if the provider declares them.
     """
 
     def __init__(self, message: str, **outputs: RunValue) -> None:
@@ -65,10 +65,11 @@ class LoadContext:
 class RunContext:
     """The context in which an instance acts.
 
-    ``element`` is its element path, ``key`` a name for this action that is the same after a resume
-    and different for every other action (for endpoints that must not do a thing twice). ``random``
-    depends on the seed of the run, the plan, the instance and its visit alone. ``stop_requested``
-    is true once the instance is to stop.
+    - ``element``: its element path.
+    - ``key``: a name for this action that stays the same after a resume and differs from that of
+      any other action. Send it to endpoints that must not do the same action twice.
+    - ``random``: depends only on the seed of the run, the plan, the instance and its visit.
+    - ``stop_requested``: true once the instance is to stop.
     """
 
     number: int
@@ -86,14 +87,14 @@ class RunContext:
         return self.clock()
 
     async def sleep(self, seconds: float) -> None:
-        """Let time pass. Raises StopRequested if the instance is to stop meanwhile."""
+        """Wait. Raises StopRequested if the instance is to stop in the meantime."""
         await self.sleeper(seconds)
 
     def log(self, text: str, data: Mapping[str, RunValue] = _NO_DATA) -> None:
         """Write a line into the journal, clipped to 10,000 characters.
 
-        ``data`` say the same for programs, which read no texts. Raises RunnerError if they are
-        nothing that can be written down.
+        ``data`` has the same content for programs. Raises RunnerError if it cannot be written as
+        JSON.
         """
         self.logger(text, data)
 
@@ -106,30 +107,30 @@ def visited(element: str, visit: int) -> str:
 class Runner(ABC):
     """A runner. An exception that leaves ``run`` is a failure of the instance, not of the engine.
 
-    ``idempotent``: an instance that was active when the process died may simply be asked again;
-    otherwise it counts as failed after a resume.
+    ``idempotent``: if the process dies while an instance is active, the action may simply be
+    repeated. Otherwise the instance counts as failed after a resume.
     """
 
     idempotent: bool = False
 
     async def start(self, context: LoadContext) -> None:  # noqa: B027  (nothing to do for most)
-        """Get ready. An exception means that the runner could not be loaded."""
+        """Prepare. An exception means that the runner could not be loaded."""
 
     @abstractmethod
     async def run(
         self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue] | None:
-        """Act, and return the outputs. Raise RunnerError, or anything else, to fail."""
+        """Act and return the outputs. To fail, raise RunnerError or any other exception."""
 
     async def stop(self) -> None:  # noqa: B027
-        """Let go of everything: the runner is unloaded."""
+        """Release all resources: the runner is unloaded."""
 
     async def left(self, key: str) -> str:  # noqa: ARG002
-        """Stop what an action may still do outside whose process has ended.
+        """Stop what an action may still do outside after its process has ended.
 
-        Called in the process that goes on with the run, before anything else happens in it, for
-        each instance that was active and is not asked again. ``key`` is ``RunContext.key`` of that
-        action. The answer says what was done; it is written into the journal.
+        Called in the process that continues the run, before anything else happens in it, for each
+        instance that was active and is not repeated. ``key`` is the ``RunContext.key`` of that
+        action. Return a sentence about what was done; it is written into the journal.
         """
         return ""
 

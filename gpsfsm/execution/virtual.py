@@ -131,7 +131,7 @@ class _Context(RunContext):
 class Pacing:
     """The pace of a run in virtual time: this one is as fast as possible."""
 
-    def before_event(self, driver: VirtualDriver) -> bool:  # noqa: ARG002
+    def before_event(self, _driver: VirtualDriver) -> bool:
         """Wait until the next event may happen; True if something else was done instead."""
         return False
 

@@ -1,4 +1,4 @@
-"""Edits that remove findings, without any language model: the model is ruff's ``--fix``."""
+"""Edits that remove findings without a language model, after the example of ruff's ``--fix``."""
 
 from __future__ import annotations
 

@@ -42,13 +42,13 @@ _MAX_LOOKED_AT = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Fixed:
-    """A text after all fixes: what was done, and the report on what remains.
+    """A text after all fixes: the fixes applied, and the report on what remains.
 
-    ``original`` and ``text`` are the decoded texts before and after, without a byte order mark;
-    they are "" where the input could not be decoded. ``unsafe_left`` is the number of findings
-    for which there are unsafe fixes that were not asked for, and not tried either. ``failed`` are
-    fixers that have a defect, with what went wrong, by name; what they propose is not known.
-    ``before`` is the number of findings in the original text, of those that the options select.
+    ``original`` and ``text`` are the decoded texts before and after, without a byte order mark, and
+    "" if the input cannot be decoded. ``unsafe_left`` is the number of findings with unsafe fixes
+    that were not requested and therefore not tried. ``failed`` maps the names of fixers that
+    failed because of a defect to the errors. ``before`` is the number of selected findings in the
+    original text.
     """
 
     original: str
@@ -61,11 +61,28 @@ class Fixed:
 
     @property
     def changed(self) -> bool:
-        """True if the text is another one."""
+        """True if the text was changed."""
         return bool(self.applied)
 
+    def _repr_html_(self) -> str:
+        """The repairs, the lines that differ, and the report on what is left, for notebooks."""
+        from gpsfsm.report._notebook import fixed_html
+
+        applied = [f"{each.rule}, line {each.line}: {each.title}" for each in self.applied]
+        return fixed_html("\n".join(self._differing_lines()), applied, self.report)
+
+    def _differing_lines(self) -> Iterator[str]:
+        import difflib
+
+        old, new = self.original.splitlines(), self.text.splitlines()
+        return difflib.unified_diff(old, new, "before", "after", lineterm="")
+
+    def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
+        """The same as text, where nothing draws: IPython on a terminal."""
+        printer.text("\n".join(self._differing_lines()) or "nothing repaired")
+
     def to_dict(self) -> dict[str, Any]:
-        """The result for programs: the text, what was done to it, and the report on it."""
+        """The result as data: the text, the fixes and the report."""
         return {
             "changed": self.changed,
             "text": self.text,
@@ -96,9 +113,9 @@ def fix_text(
 ) -> Fixed:
     """Fix what can be fixed without a language model; never raises for what is in the text.
 
-    Only findings that ``options`` select are fixed. A proposal is kept only if the check of the
-    edited text shows that its finding is gone, that no other has come and that the verdict is not
-    worse. ``unsafe`` also takes fixes that may change what the plan means.
+    Only findings that ``options`` selects are fixed. A proposal is kept only if the check of the
+    edited text shows that its finding is gone, no other finding is new and the verdict is no
+    worse. ``unsafe`` also applies fixes that may change what the plan means.
     """
     options = options or CheckOptions()
     path = path or "<text>"

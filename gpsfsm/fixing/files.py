@@ -1,7 +1,7 @@
-"""Files of plans and of answers, repaired in place or elsewhere, and what was repaired, in lines.
+"""Files of plans and of answers, fixed in place or elsewhere, and the fixes as lines of text.
 
-Answers are a record of what a model has said, so their file is changed in place only if that is
-asked for; else the repaired lines go to standard output.
+Answers are a record of what a model wrote, so their file is changed in place only on request;
+otherwise, the fixed lines go to standard output.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ _MAX_LISTED = 50
 _SPECIAL = "is not a regular file: it cannot be changed"
 _MAX_ALSO = 5
 _SAME = {
-    "same": "the same behaviour as before, in every scenario",
-    "renamed": "the same behaviour as before, but for names and parameters",
-    "different": "another behaviour than before; gpsfsm diff shows where they part",
+    "same": "behaviour unchanged in every scenario",
+    "renamed": "behaviour unchanged except for names and parameters",
+    "different": "behaviour changed; 'gpsfsm diff' shows where the old and the new plan differ",
 }
 _LINE = re.compile(r"[^\n]*\n|[^\n]+")
 
@@ -79,20 +79,22 @@ class Outcome:
 def check_target(inputs: Sequence[Input], wish: Wish) -> None:
     """Raise UsageError where the fixed texts could not all be written, or GpsfsmError."""
     if wish.diff and wish.output_file is not None:
-        raise UsageError("--diff writes no plan, so --output-file makes no sense with it")
+        raise UsageError("--output cannot be combined with --diff, which writes no plan")
     if wish.diff:
         return
     check_writable(wish.output_file or STDOUT, [])
     if wish.output_file is not None and len({source.file for source in inputs}) > 1:
-        raise UsageError("--output-file takes one plan; without it each is fixed in its own file")
+        raise UsageError(
+            "--output accepts only one plan; without it, each is fixed in its own file"
+        )
     alone = len({(source.file, source.stdin) for source in inputs}) == 1
     if any(source.stdin for source in inputs) and not alone:
-        raise UsageError("standard input is fixed to standard output, so it goes alone")
+        raise UsageError("standard input is fixed to standard output, so it must be the only input")
     answers = next((source.answers for source in inputs if source.answers), "")
     if answers and not wish.in_place and not alone:
         raise UsageError(
-            f"{answers} holds answers, which are fixed to standard output, so it goes alone; "
-            "'gpsfsm check --fix' fixes them in place"
+            f"{answers} holds answers, which are fixed to standard output, so it must be the only "
+            "input; 'gpsfsm check --fix' fixes them in place"
         )
 
 
@@ -164,7 +166,7 @@ def outcome_lines(outcome: Outcome, wish: Wish) -> str:
     path = printable(outcome.report.path)
     lines = [
         f"{path}:{fix.line}: {fix.rule} {printable(fix.title)}"
-        + (f", and with it {', '.join(fix.also[:_MAX_ALSO])}" if fix.also else "")
+        + (f", which also removes {', '.join(fix.also[:_MAX_ALSO])}" if fix.also else "")
         + ("…" if len(fix.also) > _MAX_ALSO else "")
         + (" (unsafe)" if fix.safety == "unsafe" else "")
         for fix in sorted(fixed.applied, key=lambda fix: (fix.line, fix.rule))
@@ -175,8 +177,8 @@ def outcome_lines(outcome: Outcome, wish: Wish) -> str:
         lines.append(f"{path}: {_SAME[outcome.same.value]}")
     if fixed.unsafe_left and not wish.unsafe:
         count = fixed.unsafe_left
-        more = f"{count} more fix may help" if count == 1 else f"{count} more fixes may help"
-        lines.append(f"{path}: {more}: --unsafe-fixes")
+        more = f"{count} more fix is possible" if count == 1 else f"{count} more fixes are possible"
+        lines.append(f"{path}: {more} with --unsafe-fixes")
     lines += [
         f"{path}: the fix '{name}' failed ({clip(why, 200)}); this is a defect of gpsfsm"
         for name, why in sorted(fixed.failed.items())
@@ -198,7 +200,10 @@ def total_line(outcomes: Sequence[Outcome], wish: Wish) -> str:
     many = "1 fix" if fixes == 1 else f"{fixes:,} fixes"
     where = "1 plan" if changed == 1 else f"{changed:,} plans"
     would = " would be made" if wish.diff else ""
-    return f"{many} in {where}{would}; findings: {before:,} before, {left:,} after\n"
+    unwritten = sum(outcome.unwritten for outcome in outcomes)
+    plans = "1 plan" if unwritten == 1 else f"{unwritten:,} plans"
+    lost = f"; not written: {plans}" if unwritten else ""
+    return f"{many} in {where}{would}; findings: {before:,} before, {left:,} after{lost}\n"
 
 
 def _write(source: Input, data: bytes, fixed: Fixed, wish: Wish) -> None:
@@ -249,7 +254,7 @@ def _with_written(
 
 def _refuse_read_only(target: str, own: str) -> None:
     if target == own != STDOUT and _read_only(target):
-        raise GpsfsmError("cannot write: the file is read-only; -o writes another one")
+        raise GpsfsmError("cannot write: the file is read-only; use -o to write another file")
 
 
 def write_plan(data: bytes, text: str, target: str) -> None:
@@ -261,9 +266,10 @@ def write_plan(data: bytes, text: str, target: str) -> None:
 
 
 def _special(path: str) -> bool:
-    """True if something is there that is neither a file nor a link to one: a pipe, a device."""
+    """True if something is there that is no file, folder or link to one: a pipe, a device."""
     try:
-        return not stat.S_ISREG(Path(path).stat().st_mode)
+        mode = Path(path).stat().st_mode
+        return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))  # reading tells that of a folder
     except (OSError, ValueError):
         return False  # reading it tells why
 

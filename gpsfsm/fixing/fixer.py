@@ -59,9 +59,9 @@ class Fix:
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """A fix that was applied; ``line`` is that of the text as it was given.
+    """A fix that was applied; ``line`` is a line of the original text.
 
-    ``also`` are the rules of the other findings that went with it, one entry each.
+    ``also`` lists the rules of other findings that the fix removed, one entry for each finding.
     """
 
     rule: str
@@ -206,58 +206,58 @@ def proposals_of(
     return proposals
 
 
-_NOT_TEXT = "it says why there is no verdict, not what is wrong with a plan"
+_NOT_TEXT = "the finding explains why there is no verdict; it reports no fault of the plan"
 WITHOUT: Mapping[str, str] = {
     "GP103": "a text over a limit is not read",
     "GP117": "only the author knows what the machine is to do",
     "GP204": "only the author knows the value",
     "GP206": "only the author knows the value",
-    "GP207": "only the author knows what shall stand there",
-    "GP209": "no file names what to use instead",
-    "GP210": "the capability file is what is missing",
-    "GP213": "who may start or call what is for the operator to say",
-    "GP211": "the capability file is what is wrong",
-    "GP301": "what keeps a runner from running is told and fixed by other rules",
-    "GP302": "what else to try is not known, and a step that only logs would hide the failure",
-    "GP303": "a recovery inside of the units or around them: both make sense",
-    "GP304": "what keeps a plan from completing is told and fixed by other rules",
-    "GP305": "what makes a plan give up is told and fixed by other rules",
-    "GP306": "which unit should let the plan go on is a decision",
-    "GP311": "the plan may well be meant to leave a runner behind",
-    "GP313": "only the author knows what leads out of the loop",
-    "GP314": "a loop may well be meant to go on as long as it takes",
+    "GP207": "only the author knows the value",
+    "GP209": "no capability file names a replacement",
+    "GP210": "a capability file is missing; the plan may be right",
+    "GP213": "only the operator can give the permission",
+    "GP211": "the capability file is wrong, not the plan",
+    "GP301": "other rules report and fix what keeps the runner from running",
+    "GP302": "only the author knows what else to try; a step that only logs would hide the failure",
+    "GP303": "a recovery may belong inside the units or around them",
+    "GP304": "other rules report and fix what keeps the plan from completing",
+    "GP305": "other rules report and fix what makes the plan give up",
+    "GP306": "only the author knows which unit should let the plan continue",
+    "GP311": "the runner may be left active on purpose",
+    "GP313": "only the author knows what should lead out of the loop",
+    "GP314": "the loop may be meant to run as long as it takes",
     "GP315": "only the author knows another way to reach the goal",
-    "GP316": "only the name says where the recovery belongs, and that may be what is wrong",
+    "GP316": "only the name indicates where the recovery belongs, and the name may be wrong",
     "GP317": "a second unit may be missing",
-    "GP401": "who should give the value is a decision",
-    "GP402": "steps would have to change places, or values go by the prompt buffer",
-    "GP403": "either the literal or what arrives is meant",
-    "GP404": "the output may be of no interest",
-    "GP405": "what should arrive instead is a decision",
-    "GP412": "what should be asked is not in the plan",
-    "GP413": "which of the buffers is meant is a decision",
-    "GP502": "which steps to leave out is a decision",
-    "GP503": "which steps to leave out is a decision",
+    "GP401": "only the author knows which runner should provide the value",
+    "GP402": "the steps would have to be reordered, or the value passed through the prompt buffer",
+    "GP403": "either the literal or the value that arrives may be meant",
+    "GP404": "the plan may not need the output",
+    "GP405": "only the author knows which value should arrive instead",
+    "GP412": "the plan does not contain the question to ask",
+    "GP413": "only the author knows which buffer is meant",
+    "GP502": "only the author knows which steps to leave out",
+    "GP503": "only the author knows which steps to leave out",
     **dict.fromkeys(
         [f"GP6{number:02}" for number in range(1, 11)],
-        "what the task asks for is known, but not which plan its author would write",
+        "the task is known, but not which plan its author would write",
     ),
     **dict.fromkeys(
         [f"GP7{number:02}" for number in (1, 2, 3, 4, 5, 6, 7, 9)],
-        "`gpsfsm port` rewrites plans for an engine; the paper's semantics finds nothing wrong",
+        "by the paper's semantics the plan is right; `gpsfsm port` rewrites it for the engine",
     ),
-    "GP710": "whether the value is to be written or handed over is a decision",
-    "GP804": "only the author knows another name",
-    "GP806": "either of the two is meant",
+    "GP710": "only the author knows whether to write the value or to hand it over",
+    "GP804": "only the author can choose another name",
+    "GP806": "either of the two may be meant",
     "GP807": "only the author knows the name",
-    "GP809": "what should stop the recursion is a decision",
-    "GP813": "the other file is what is missing",
-    "GP816": "nothing is wrong",
-    "GP818": "only the author knows what the script should say",
-    "GP819": "the children can be ordered in several forms",
-    "GP821": "only the author knows how often, or which recovery",
-    "GP822": "more retries and a Fallback both make sense",
-    "GP901": "there is nothing to fix in",
+    "GP809": "only the author knows what should stop the recursion",
+    "GP813": "only the author has the missing part",
+    "GP816": "nothing is wrong with the tree",
+    "GP818": "only the author knows what the script should do",
+    "GP819": "the children can be rearranged in several ways",
+    "GP821": "only the author knows how often to retry, or which recovery to use",
+    "GP822": "more retries or a Fallback may be meant",
+    "GP901": "there is no text to fix",
     "GP902": _NOT_TEXT,
     "GP903": _NOT_TEXT,
     "GP904": _NOT_TEXT,

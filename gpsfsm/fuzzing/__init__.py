@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from gpsfsm.fuzzing.campaign import Campaign, Found, run_campaign
+from gpsfsm.fuzzing.campaign import Campaign, Failure, run_campaign
 from gpsfsm.fuzzing.properties import Breach, Property
 from gpsfsm.fuzzing.runs import Happened, Run, play
 from gpsfsm.fuzzing.subject import Act, Fate, Subject, TimedScenario, subject_of
@@ -21,8 +21,8 @@ __all__ = [
     "Act",
     "Breach",
     "Campaign",
+    "Failure",
     "Fate",
-    "Found",
     "Happened",
     "Property",
     "Run",

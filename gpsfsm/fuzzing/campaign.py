@@ -26,9 +26,8 @@ from gpsfsm.execution.records import Status
 from gpsfsm.fuzzing.runs import play
 from gpsfsm.fuzzing.shrinking import shrink
 from gpsfsm.fuzzing.subject import TimedScenario, draw
-from gpsfsm.streams import refuse_progress
 from gpsfsm.workers import LATER, engine_of, map_items
-from gpsfsm.workers.known.serial import Serial
+from gpsfsm.workers.builtin.serial import Serial
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     from gpsfsm.fuzzing.properties import Breach, Property
     from gpsfsm.fuzzing.runs import Run
     from gpsfsm.fuzzing.subject import Subject
-    from gpsfsm.streams import Progress
+    from gpsfsm.streams import Tick
     from gpsfsm.workers import Engine, Later
 
 DEFAULT_RUNS = 1_000
@@ -51,7 +50,7 @@ _ROUNDS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Failure:
     """A property is broken: the breach, and the plainest run that shows it."""
 
     broken: Property
@@ -63,28 +62,29 @@ class Found:
 class Campaign:
     """The outcome of a campaign.
 
-    ``runs`` were played, those of shrinking not counted. ``cut_off``: the time was over before all
-    were. ``unended``: so many runs of a machine were cut off after their visits. ``found`` is
-    in the order of the properties, then of document order; ``more`` counts by property the kinds of
-    breaches that are not told.
+    - ``runs``: the number of runs, not counting those for shrinking.
+    - ``cut_off``: the time ran out before all runs were done.
+    - ``unended``: the number of runs of a machine that were cut off after their visits.
+    - ``failures``: sorted by property, then by document order.
+    - ``more``: for each property, the number of kinds of breaches that are not reported.
     """
 
     properties: tuple[Property, ...]
     runs: int = 0
     cut_off: bool = False
     unended: int = 0
-    found: list[Found] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)
     more: dict[str, int] = field(default_factory=dict)
 
     @property
     def held(self) -> tuple[str, ...]:
-        """The names of the properties that no run has broken."""
-        broken = {one.broken.name for one in self.found}
+        """The names of the properties that no run broke."""
+        broken = {one.broken.name for one in self.failures}
         return tuple(one.name for one in self.properties if one.name not in broken)
 
     def broken_kinds(self, broken: Property) -> int:
-        """The number of kinds of breaches of a property."""
-        shown = sum(one.broken.name == broken.name for one in self.found)
+        """The number of kinds of breaches of this property."""
+        shown = sum(one.broken.name == broken.name for one in self.failures)
         return shown + self.more.get(broken.name, 0)
 
 
@@ -98,19 +98,18 @@ def run_campaign(
     first: Iterable[TimedScenario] = (),
     jobs: int | str = 1,
     clock: Callable[[], float] = time.monotonic,
-    progress: Progress | None = None,
-    keep: Callable[[Found], object] = lambda _: None,
+    progress: Tick | None = None,
+    keep: Callable[[Failure], object] = lambda _: None,
 ) -> Campaign:
     """Play ``runs`` scenarios drawn from the seed, after those that come ``first``.
 
     After ``time_s`` seconds no further run begins, or, where ``jobs`` names several workers
     (docs/scale.md), no further chunk of runs; a scenario that fails by then is still shrunk.
-    ``progress`` is told the number of runs played so far, and how many there will be (None: as many
-    as the time allows); ``keep`` what is found as soon as it is. All that is found depends on the
+    ``progress`` is called with the number of runs played so far, and of all (None: as many as the
+    time allows); ``keep`` with each failure at once. All that is found depends on the
     arguments, ``jobs`` not among them, and on how many runs there was time for. Raises UsageError
     for a property that cannot be checked, or cannot be checked there.
     """
-    refuse_progress(progress)
     began = clock()
     earlier = tuple(first)
     engine = engine_of(jobs, None if time_s is not None else len(earlier) + runs)
@@ -122,7 +121,7 @@ def run_campaign(
     for answer in map_items(engine, work, items, lost=_lost):
         course.take(answer, keep)
     order = {broken.name: place for place, broken in enumerate(properties)}
-    course.campaign.found.sort(
+    course.campaign.failures.sort(
         key=lambda one: (order[one.broken.name], one.breach.numbers, one.breach.about)
     )
     return course.campaign
@@ -141,7 +140,7 @@ class _Course:
         work: Work,
         earlier: tuple[TimedScenario, ...],
         runs: int,
-        progress: Progress | None,
+        progress: Tick | None,
         *,
         bounded: bool,
     ) -> None:
@@ -189,15 +188,15 @@ class _Course:
         first = max(0, begin - len(self._earlier))
         return Runs(earlier, first, end - begin - len(earlier))
 
-    def take(self, answer: Answer, keep: Callable[[Found], object]) -> None:
+    def take(self, answer: Answer, keep: Callable[[Failure], object]) -> None:
         """Take in the next answer. Raises GpsfsmError if there is none."""
         item = self._running.popleft()
         if isinstance(answer, Failed):
             raise (InternalError if answer.defect else GpsfsmError)(answer.message)
         if isinstance(item, Plainer):
             assert isinstance(answer, TimedScenario)
-            self.campaign.found.append(self._failure(item, answer))
-            keep(self.campaign.found[-1])
+            self.campaign.failures.append(self._failure(item, answer))
+            keep(self.campaign.failures[-1])
             return
         assert isinstance(answer, Played)
         for broken in answer.broken:
@@ -221,15 +220,15 @@ class _Course:
         self._kinds[name] += 1
         self._plainer.append(Plainer(broken.number, broken.breach, broken.scenario))
 
-    def _failure(self, item: Plainer, scenario: TimedScenario) -> Found:
+    def _failure(self, item: Plainer, scenario: TimedScenario) -> Failure:
         """The breach in the plainest run, or where it was found, should it not be there again."""
         work, broken = self._work, self._work.properties[item.number]
         run = play(work.subject, scenario, seed=work.seed)
         for breach in broken.check(run):
             if breach.about == item.breach.about:
-                return Found(broken, breach, run)
+                return Failure(broken, breach, run)
         first = play(work.subject, item.scenario, seed=work.seed)
-        return Found(broken, item.breach, first)
+        return Failure(broken, item.breach, first)
 
 
 class Job:
@@ -308,7 +307,7 @@ class Work:
             return Failed(str(error), defect=isinstance(error, InternalError))
         except Exception as error:
             if is_out_of_memory(error):
-                return Failed("the memory has run out during a run", defect=False)
+                return Failed("memory ran out during a run", defect=False)
             if os.environ.get(DEBUG_VARIABLE):
                 raise
             return Failed(f"a run failed ({type(error).__name__}: {error})", defect=True)

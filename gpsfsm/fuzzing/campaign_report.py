@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.compile import MachinePlan
 from gpsfsm.compile.plan_text import read_plan_or_machine
 from gpsfsm.errors import GpsfsmError, UsageError
-from gpsfsm.fuzzing.campaign import DEFAULT_RUNS, Campaign, Found, run_campaign
+from gpsfsm.fuzzing.campaign import DEFAULT_RUNS, Campaign, Failure, run_campaign
 from gpsfsm.fuzzing.cases import Case, cases_in, keep_case, scenario_in
 from gpsfsm.fuzzing.own_properties import property_of, property_of_function, property_of_task
 from gpsfsm.fuzzing.properties import Property, default_properties, find_property
@@ -17,17 +17,16 @@ from gpsfsm.fuzzing.runs import play, scenario_of
 from gpsfsm.model.finding import Finding, Related
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Verdict
-from gpsfsm.report import tell_errors
+from gpsfsm.report import RenderOptions, tell_errors
 from gpsfsm.report.json import finding_as_data
 from gpsfsm.report.text import findings_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from gpsfsm.fuzzing.subject import Subject
     from gpsfsm.model.plan import Plan
-    from gpsfsm.report import RenderOptions
-    from gpsfsm.streams import Progress
+    from gpsfsm.streams import Tick
     from gpsfsm.syntax import Limits
     from gpsfsm.tasks.task import Task
 
@@ -39,7 +38,7 @@ UNBOUNDED = 10**9
 """The number of runs where time alone bounds a campaign."""
 
 
-def finding_of(failure: Found, *, hint: str = "") -> Finding:
+def finding_of(failure: Failure, *, hint: str = "") -> Finding:
     """The finding that a report shows."""
     run, breach = failure.run, failure.breach
     first = run.runner(breach.numbers[0]) if breach.numbers else run.plan.elements[0]
@@ -59,9 +58,11 @@ def finding_of(failure: Found, *, hint: str = "") -> Finding:
 
 @dataclass(slots=True)
 class CampaignReport:
-    """A campaign with its findings: ``replayed`` counts the cases that fit the plan, and others.
+    """A campaign with its findings.
 
-    ``restricted``: options leave out scenarios that the plan has. ``machine``: it is a machine.
+    - ``replayed``: the number of corpus cases that fit the plan, and of those that do not.
+    - ``restricted``: the options exclude scenarios that the plan has.
+    - ``machine``: the plan is a machine.
     """
 
     name: str
@@ -75,8 +76,23 @@ class CampaignReport:
 
     @property
     def ok(self) -> bool:
-        """True if the plan was run at least once, and no run has broken a property."""
-        return self.campaign.runs > 0 and not self.campaign.found
+        """True if there was at least one run and no run broke a property."""
+        return self.campaign.runs > 0 and not self.campaign.failures
+
+    def _repr_html_(self) -> str:
+        """The findings and the properties, for notebooks."""
+        from gpsfsm.report._notebook import findings_html
+
+        properties = "\n".join(_property_lines(self))
+        return findings_html(self.name, _runs(self), self.findings, self.source, properties)
+
+    def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
+        """The same as text, where nothing draws: IPython on a terminal."""
+        printer.text(str(self))
+
+    def __str__(self) -> str:
+        """The same for ``print``."""
+        return campaign_text(self, RenderOptions()).rstrip()
 
     def to_dict(self) -> dict[str, Any]:
         """The output of ``gpsfsm fuzz --format json`` (docs/fuzzing.md)."""
@@ -131,9 +147,9 @@ def read_subject(
     parsed = read_plan_or_machine(content, file=name, limits=limits)
     wrong = tell_errors(parsed)
     if parsed.machine and (wrong or parsed.plan is None):
-        raise GpsfsmError(f"{name}: the machine has errors; mend it first")
+        raise GpsfsmError(f"{name}: the machine has errors; fix it first")
     if wrong or parsed.plan is None:
-        raise GpsfsmError(f"{name}: the text has errors; mend it first ('gpsfsm fix' may help)")
+        raise GpsfsmError(f"{name}: the text has errors; fix it first ('gpsfsm fix' may help)")
     if with_task:
         refuse_task(parsed.plan)
     return parsed.plan, parsed.text or ""
@@ -142,7 +158,7 @@ def read_subject(
 def refuse_task(plan: Plan) -> None:
     """Raise UsageError for a machine: tasks speak of plans."""
     if isinstance(plan, MachinePlan):
-        raise UsageError("a task speaks of plans; hold a machine against a property of your own")
+        raise UsageError("a task applies to plans; check a machine against your own property")
 
 
 def campaign_report(
@@ -152,7 +168,7 @@ def campaign_report(
     *,
     name: str,
     source: str,
-    progress: Progress | None = None,
+    progress: Tick | None = None,
 ) -> CampaignReport:
     """Run a campaign on the plan with this name and text. Raises GpsfsmError."""
     cases = cases_in(options.corpus) if options.corpus else []
@@ -160,7 +176,7 @@ def campaign_report(
     first = [each for each in scenarios if each is not None and subject.admits(each)]
     hints: dict[int, str] = {}
 
-    def keep(failure: Found) -> None:
+    def keep(failure: Failure) -> None:
         if options.corpus:  # at once: the campaign may be interrupted
             path = keep_case(failure, source, options.corpus, seed=options.seed)
             hints[id(failure)] = f"gpsfsm fuzz --replay {path} plays this run again"
@@ -181,7 +197,7 @@ def campaign_report(
     report = CampaignReport(name, source, options.seed, campaign, counts, restricted=restricted)
     report.machine = subject.is_machine
     report.findings += [
-        finding_of(failure, hint=hints.get(id(failure), "")) for failure in campaign.found
+        finding_of(failure, hint=hints.get(id(failure), "")) for failure in campaign.failures
     ]
     return report
 
@@ -193,13 +209,14 @@ def case_report(
     scenario = scenario_in(case, subject)
     if scenario is None:
         raise UsageError(
-            f"{case.file}: the case does not fit {name}: a runner that it names is not there, or "
-            "cannot do what it says. Was the plan changed? Without a path the case is played on "
+            f"{case.file}: the case does not fit {name}: a runner that it names does not exist, or "
+            "cannot have that outcome. Was the plan changed? Without a path, the case is played on "
             "the plan that it holds"
         )
     run = play(subject, scenario, seed=case.seed)
-    breaches = [Found(one, breach, run) for one in properties for breach in one.check(run)]
-    report = CampaignReport(name, source, case.seed, Campaign(tuple(properties), 1, found=breaches))
+    breaches = [Failure(one, breach, run) for one in properties for breach in one.check(run)]
+    campaign = Campaign(tuple(properties), 1, failures=breaches)
+    report = CampaignReport(name, source, case.seed, campaign)
     report.findings += [finding_of(each) for each in breaches]
     return report
 
@@ -250,15 +267,18 @@ def campaign_text(report: CampaignReport, options: RenderOptions) -> str:
     plan = PlanReport(
         report.name, Verdict.REJECTED, None, tuple(report.findings), source=report.source
     )
+    lines = [f"{printable(report.name)}: {_runs(report)}", *_property_lines(report)]
+    return findings_text(plan, replace(options, verbose=True)) + "\n".join(lines) + "\n"
+
+
+def _property_lines(report: CampaignReport) -> Iterator[str]:
     campaign = report.campaign
-    lines = [f"{printable(report.name)}: {_runs(report)}"]
     for one in campaign.properties:
         count, more = campaign.broken_kinds(one), campaign.more.get(one.name, 0)
         kinds = f"broken ({count} kind{'s'[: count > 1]})"
         result = kinds if count else "held" if campaign.runs else "not tried"
         shown = f", of which {count} are shown" if more else ""
-        lines.append(f"  {result}{shown}: {clip(one.name, 60)}, {clip(one.holds, 200)}")
-    return findings_text(plan, replace(options, verbose=True)) + "\n".join(lines) + "\n"
+        yield f"  {result}{shown}: {clip(one.name, 60)}, {clip(one.holds, 200)}"
 
 
 def _runs(report: CampaignReport) -> str:
@@ -273,7 +293,7 @@ def _runs(report: CampaignReport) -> str:
     if report.campaign.unended:
         parts.append(f"{report.campaign.unended} of them cut off by --max-visits")
     if report.campaign.cut_off:
-        parts.append("then the time was over")
+        parts.append("then the time ran out")
     return ", ".join(parts)
 
 

@@ -16,10 +16,10 @@ from gpsfsm.fuzzing.runs import scenario_of
 from gpsfsm.fuzzing.subject import FAULTS, LONGEST_MS, Act, Fate, TimedScenario, in_ms
 from gpsfsm.model.labels import action
 from gpsfsm.report.json import scenario_as_data
-from gpsfsm.strict_json import strict_loads
+from gpsfsm.strict_json import json_defect, strict_loads
 
 if TYPE_CHECKING:
-    from gpsfsm.fuzzing.campaign import Found
+    from gpsfsm.fuzzing.campaign import Failure
     from gpsfsm.fuzzing.subject import Subject
 
 _VERSION = 1
@@ -44,7 +44,7 @@ class Case:
     acts: tuple[tuple[str, int, Act], ...]
 
 
-def case_text(failure: Found, source: str, *, seed: int = 0) -> str:
+def case_text(failure: Failure, source: str, *, seed: int = 0) -> str:
     """A case as the content of a file; ``source`` is the text of the plan."""
     run, subject = failure.run, failure.run.subject
     data = {
@@ -78,13 +78,13 @@ def case_text(failure: Found, source: str, *, seed: int = 0) -> str:
     return json.dumps(data, ensure_ascii=True, indent=2) + "\n"
 
 
-def case_name(failure: Found, text: str) -> str:
+def case_name(failure: Failure, text: str) -> str:
     """The name of its file: the property, and a digest of the content."""
     word = "".join(each if each.isalnum() else "-" for each in failure.broken.name)[-40:]
     return f"{word.strip('-') or 'case'}-{hashlib.sha256(text.encode()).hexdigest()[:12]}.json"
 
 
-def keep_case(failure: Found, source: str, folder: str, *, seed: int = 0) -> Path:
+def keep_case(failure: Failure, source: str, folder: str, *, seed: int = 0) -> Path:
     """Write a case into a folder, which is made if need be; the path. Raises GpsfsmError."""
     text = case_text(failure, source, seed=seed)
     path = Path(folder) / case_name(failure, text)
@@ -109,11 +109,12 @@ def cases_in(folder: str) -> list[Case]:
     try:
         files = sorted(Path(folder).glob("*.json"))
         if Path(folder).exists() and not Path(folder).is_dir():
-            raise InputError(f"{folder}: is no folder")
+            raise InputError(f"{folder}: is not a folder")
     except (OSError, ValueError) as error:
-        raise InputError(f"{folder}: cannot be read: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{folder}: cannot be read: {reason}") from error
     if len(files) > _MAX_CASES:
-        raise InputError(f"{folder}: holds more than {_MAX_CASES:,} cases; remove some")
+        raise InputError(f"{folder}: contains more than {_MAX_CASES:,} cases; remove some")
     return [read_case(str(file)) for file in files]
 
 
@@ -128,12 +129,12 @@ def read_case(file: str) -> Case:
     try:
         data = strict_loads(content)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{file}: is no JSON: {str(error)[:200]}") from error
+        raise InputError(json_defect(file, error)) from error
     try:
         return _case(file, data)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         message = f"{type(error).__name__}: {error}"[:200]
-        raise InputError(f"{file}: is no case of 'gpsfsm fuzz' ({message})") from error
+        raise InputError(f"{file}: is not a case of 'gpsfsm fuzz' ({message})") from error
 
 
 def _case(file: str, data: dict[str, Any]) -> Case:
@@ -176,7 +177,7 @@ def _visit(data: dict[str, Any]) -> int:
 
 def _text(value: object) -> str:
     if not isinstance(value, str):
-        raise TypeError(f"{str(value)[:40]} is no text")
+        raise TypeError(f"{str(value)[:40]} is not a text")
     return value
 
 

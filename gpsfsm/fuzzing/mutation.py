@@ -141,7 +141,7 @@ def _itself(text: str, file: str, options: CheckOptions) -> tuple[Plan, PlanRepo
     """The plan as it is written anew, and what its check says; UsageError if that is nothing."""
     plan = _read(text, file, options)
     if plan is None:
-        raise UsageError(f"{file}: the plan is too large to be written anew; raise the limits")
+        raise UsageError(f"{file}: the plan is too large to be written; raise the limits")
     report = check_text(text, file, options)
     if report.verdict is Verdict.UNDECIDED:
         raise UsageError(f"{file}: the plan itself cannot be decided: {_why(report)}")
@@ -306,7 +306,7 @@ def _summary(score: Score, by: str) -> str:
         f"{score.count(Notice.UNDECIDED)} undecided",
     ]
     if score.cut_off:
-        parts.append("then the time was over")
+        parts.append("then the time ran out")
     return "; ".join(parts)
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.records import Kind
 from gpsfsm.execution.runner import said
-from gpsfsm.fuzzing.properties import Breach, Property
+from gpsfsm.fuzzing.properties import Breach, Property, guarded
 from gpsfsm.fuzzing.runs import EVENTS
 from gpsfsm.fuzzing.subject import Fate
 from gpsfsm.model.event import End, Event, Outcome
@@ -51,7 +51,7 @@ def _loaded(name: str, folder: str) -> Property:
     module_name, _, function_name = name.rpartition(":")
     loaded = getattr(_module(module_name, folder), function_name, None)
     if isinstance(loaded, Property):
-        return Property(name, loaded.holds, loaded.check, loaded.severity)
+        return guarded(Property(name, loaded.holds, loaded.check, loaded.severity))
     if not callable(loaded):
         raise UsageError(f"--property {name}: there is no function '{function_name}' in it")
     return property_of_function(loaded, name)
@@ -139,7 +139,7 @@ def _of_file(path: Path) -> ModuleType:
         raise UsageError("there is no such file")
     spec = importlib.util.spec_from_file_location(f"gpsfsm_property_{path.stem}", path)
     if spec is None or spec.loader is None:
-        raise UsageError("it is no Python file")
+        raise UsageError("it is not a Python file")
     module = importlib.util.module_from_spec(spec)
     sys.modules[module.__name__] = module
     spec.loader.exec_module(module)

@@ -78,10 +78,10 @@ class Happened:
 
 @dataclass(frozen=True)
 class Run:
-    """A run.
+    """A run of a subject in a scenario.
 
-    ``decided`` is the index of the moment at which it was fixed how the run ends. ``status`` is
-    COMPLETED, GAVE_UP or STUCK; or CANCELLED, if a run of a machine was cut off before that.
+    ``decided`` is the index of the moment at which the end of the run is certain. ``status`` is
+    COMPLETED, GAVE_UP or STUCK, or CANCELLED if a run of a machine was cut off before that.
     """
 
     subject: Subject
@@ -106,12 +106,12 @@ class Run:
 
     @property
     def at_s(self) -> float:
-        """The duration of the run, in seconds, until it was fixed how it ends."""
+        """The time in seconds until the end of the run was certain."""
         return self.decided_us / _SECOND
 
     @property
     def decided_us(self) -> int:
-        """The same in microseconds."""
+        """The time in microseconds until the end of the run was certain."""
         return self.moments[self.decided].at_us
 
     @cached_property
@@ -145,12 +145,12 @@ class Run:
 
     @property
     def end(self) -> End:
-        """The end of the run; of one that was cut off, that it has none."""
+        """The end of the run, or a statement that it was cut off."""
         return End.ENDLESS if self.status is Status.CANCELLED else End(self.status.value)
 
     @property
     def choices(self) -> tuple[tuple[int, Outcome], ...]:
-        """The outcomes that tell the scenario: in a plan those other than SUCCEEDED."""
+        """The outcomes that define the scenario; in a plan, those other than SUCCEEDED."""
         return tuple(
             (number, act.fate.outcome)
             for number, act in enumerate(self.scenario.acts)
@@ -159,7 +159,7 @@ class Run:
 
     @cached_property
     def spans(self) -> tuple[Span, ...]:
-        """The times at which instances are active, by instance."""
+        """The periods in which each instance is active, by instance."""
         return tuple(
             Span(number, self.triggered[number], self.ended.get(number, math.inf))
             for number in sorted(self.triggered)
@@ -167,11 +167,7 @@ class Run:
 
     @cached_property
     def triggered(self) -> dict[int, int]:
-        """When each instance was triggered, in microseconds, by its number.
-
-        With those that are triggered at the instant at which the run ends (semantics, 4.4): the
-        executor stops at that instant, and may not have come to them.
-        """
+        """The time at which each instance was triggered, in microseconds, by its number."""
         counts: dict[int, int] = {}
         for at_us, _, records in self.moments:
             for record in records:
@@ -183,12 +179,12 @@ class Run:
 
     @cached_property
     def ended(self) -> dict[int, int]:
-        """When the outcome of each instance came, in microseconds, by its number."""
+        """The time of each instance's outcome, in microseconds, by its number."""
         return {number: at_us for number, (at_us, _) in self._ends.items()}
 
     @cached_property
     def outcomes(self) -> dict[int, Outcome]:
-        """The outcomes that came: SUCCEEDED or FAILED, by number."""
+        """The outcomes that occurred, SUCCEEDED or FAILED, by number."""
         return {number: outcome for number, (_, outcome) in self._ends.items()}
 
     @cached_property
@@ -215,7 +211,7 @@ class Run:
 
     @cached_property
     def active_at_end(self) -> tuple[int, ...]:
-        """The instances that are active when it is fixed how the run ends, in document order."""
+        """The instances that are active when the end is certain, in document order."""
         return tuple(sorted(number for number in self.triggered if number not in self._ends))
 
     def _at_the_end(self) -> list[int]:
@@ -258,8 +254,8 @@ _FOR_EVER_S = 1e12
 def play(subject: Subject, scenario: TimedScenario, *, seed: int = 0) -> Run:
     """Run a plan in a scenario; the same scenario and seed give the same run.
 
-    The seed decides the values that runners hand over, and nothing else. Raises ValueError if the
-    scenario is one of another plan.
+    The seed decides only the values that runners output. Raises ValueError if the scenario belongs
+    to another plan.
     """
     for value, kind in ((subject, Subject), (scenario, TimedScenario)):
         if not isinstance(value, kind):

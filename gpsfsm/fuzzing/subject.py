@@ -41,10 +41,10 @@ SIMPLE_MS = 1_000
 
 
 class Fate(StrEnum):
-    """The fate of an action; the order is from plain to strange.
+    """The fate of an action, from ordinary to unusual.
 
-    LATE: it does not end within its time, is stopped and counts as failed; then its success is
-    reported all the same. HANG: it never ends by itself. NO_START: its runner cannot be loaded.
+    LATE: it does not end within its time limit, is stopped and counts as failed, and then reports
+    success. HANG: it never ends by itself. NO_START: its runner cannot be loaded.
     """
 
     SUCCEEDED = "SUCCEEDED"
@@ -70,11 +70,11 @@ FAULTS: dict[str, Fate] = {
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """The act of one instance once it is triggered.
+    """The behaviour of one instance once it is triggered.
 
-    ``duration_ms``, positive: until its outcome; for LATE from the end of its time until its answer
-    comes; without meaning for HANG. It is a whole number of microseconds, the least of them the
-    shortest of all durations: what is declared to take 0 seconds takes that long.
+    ``duration_ms`` is positive and a whole number of microseconds: the time until the outcome. For
+    LATE it is the time from the end of the time limit until the answer arrives, for HANG it has no
+    meaning. An action with a declared duration of 0 seconds takes one microsecond.
     """
 
     fate: Fate = Fate.SUCCEEDED
@@ -88,7 +88,7 @@ class Act:
 
 @dataclass(frozen=True, slots=True)
 class TimedScenario:
-    """An act for every runner instance of a plan, in document order; of a machine, by visits."""
+    """An act for every runner instance in document order; for a machine, visit by visit."""
 
     acts: tuple[Act, ...]
 
@@ -100,7 +100,7 @@ class TimedScenario:
         )
 
     def with_act(self, number: int, act: Act) -> TimedScenario:
-        """The same, but for one instance."""
+        """A copy in which one instance has another act."""
         return TimedScenario((*self.acts[:number], act, *self.acts[number + 1 :]))
 
 
@@ -121,12 +121,12 @@ LONGEST_MS = 10**9
 
 @dataclass(frozen=True)
 class Subject:
-    """A plan that can be fuzzed; make it with ``subject_of``.
+    """A plan or machine that can be fuzzed; make it with ``subject_of``.
 
-    ``faults`` are words of ``FAULTS``; ``limit_ms`` is what an action may take before it is stopped
-    and has failed, None: as long as it likes. ``admission`` says which scenarios there are, where
-    outcomes are tied to each other. Of a machine, ``most_visits`` is where its runs are cut off,
-    and ``permitted`` are the outcomes that are assumed of each instance.
+    ``faults`` are keys of ``FAULTS``. ``limit_ms`` is the time in milliseconds after which an
+    action is stopped and has failed; None: no limit. ``admission`` decides which scenarios exist if
+    outcomes depend on each other. For a machine, ``most_visits`` is where its runs are cut off, and
+    ``permitted`` lists the outcomes that are assumed for each instance.
     """
 
     compiled: Compiled
@@ -144,7 +144,7 @@ class Subject:
 
     @property
     def visits(self) -> int:
-        """The visits of each instance that have acts of their own."""
+        """The number of visits of each instance that have acts of their own."""
         return VISITS if self.is_machine else 1
 
     def act_in(self, scenario: TimedScenario, number: int, visit: int) -> Act:
@@ -160,12 +160,12 @@ class Subject:
 
     @property
     def apart(self) -> bool:
-        """True if each instance has a runner to itself, which may fail to start on its own."""
+        """True if each instance has its own runner, which may fail to start by itself."""
         return "no-start" in self.faults
 
     @cached_property
     def fates(self) -> tuple[tuple[Fate, ...], ...]:
-        """The possible fates of each act, the plainest first; never none."""
+        """The possible fates of each act, the most ordinary first; never empty."""
         return self.visits * tuple(
             self._fates(number, binding) for number, binding in enumerate(self.compiled.bindings)
         )
@@ -177,17 +177,17 @@ class Subject:
 
     @cached_property
     def plain(self) -> TimedScenario:
-        """The plainest scenario: what can succeed succeeds, and takes a second."""
+        """The most ordinary scenario: everything that can succeed does, in one second."""
         return TimedScenario(
             tuple(self.act(number, fates[0]) for number, fates in enumerate(self.fates))
         )
 
     def admits(self, scenario: TimedScenario) -> bool:
-        """True if the assumptions admit a scenario."""
+        """True if the assumptions admit the scenario."""
         return self.admission is None or self.admission.admits(act.fate for act in scenario.acts)
 
     def mended(self, scenario: TimedScenario, source: random.Random) -> TimedScenario:
-        """A scenario that the assumptions admit, as much like this one as it may be."""
+        """A scenario that the assumptions admit, as similar to this one as possible."""
         if self.admission is None:
             return scenario
         fates = self.admission.mended([act.fate for act in scenario.acts], source)
@@ -199,13 +199,13 @@ class Subject:
         )
 
     def together(self, number: int) -> tuple[int, ...]:
-        """The instances that have the same outcome as this one in every scenario, with itself."""
+        """The instances whose outcome is the same in every scenario, including this one."""
         return (number,) if self.admission is None else self.admission.together(number)
 
     def act(self, number: int, fate: Fate, duration_ms: float = SIMPLE_MS) -> Act:
-        """The act of an instance whose duration is closest to this one.
+        """The act of an instance with the possible duration that is closest to ``duration_ms``.
 
-        What does not start heeds no least duration (semantics, 8.5).
+        An instance that does not start has no least duration (semantics, 8.5).
         """
         if fate in (Fate.LATE, Fate.HANG):
             return Act(fate, duration_ms)
@@ -237,7 +237,7 @@ class Subject:
             element = self.plan.runners[number]
             raise UsageError(
                 f"{self.plan.file}:{element.line}:{element.column}: the capability file declares "
-                "that this runner never fails and never succeeds; mend the file"
+                "that this runner never fails and never succeeds; correct the file"
             )
         return fates
 
@@ -275,14 +275,15 @@ def subject_of(
     consistent: bool = False,
     most_visits: int = MAX_VISITS,
 ) -> Subject:
-    """Get a plan or a machine ready for being run; the default ``library`` is the built-in one.
+    """Prepare a plan or machine for ``play``; ``library`` defaults to the built-in one.
 
-    ``limit_s`` is what an action may take before it is stopped, None: as long as it likes;
-    ``auto``: 60 seconds, or twice what any runner is declared to take. ``assumptions`` and
-    ``consistent`` (equal actions have equal outcomes) say which scenarios there are. A run of a
-    machine is cut off after ``most_visits``; its runners always start. Raises UsageError for
-    a text without a plan, for words that are no faults, and for assumptions that do not fit the
-    plan or leave no scenario.
+    - ``faults``: the faults that may occur.
+    - ``limit_s``: the time in seconds after which an action is stopped. None: no limit. ``auto``:
+      60 s, or twice the longest declared duration if that is more.
+    - ``assumptions``, ``consistent`` (equal actions have equal outcomes): restrict the scenarios.
+    - ``most_visits``: runs of a machine are cut off after so many visits. Its runners always start.
+
+    Raises UsageError for a text without a plan, unknown faults, and assumptions that do not fit.
     """
     _refuse_misuse(plan, faults, limit_s, library, assumptions)
     plan = _plan_in(plan) if isinstance(plan, str | bytes) else plan
@@ -324,7 +325,9 @@ def _refuse_misuse(
         raise misused("subject_of", "a gpsfsm.Library as library", library)
     for word in faults:
         if word not in FAULTS:
-            raise UsageError(f"there is no fault '{word!s:.40}'; known are {', '.join(FAULTS)}")
+            raise UsageError(
+                f"there is no fault '{word!s:.40}'; the faults are {', '.join(FAULTS)}"
+            )
     if isinstance(limit_s, int | float) and not 0 < limit_s <= LONGEST_MS / 1_000:
         raise UsageError(f"the time limit must be a positive number of seconds, not {limit_s:g}")
     if limit_s is not None and limit_s != "auto":
@@ -352,7 +355,7 @@ def _permitted(
         return None
     constraints = constraints_of(plan, faults=("hang",), assumptions=assumptions)
     if constraints.formulas:
-        raise UsageError("assumptions that tie runners together do not speak of machines")
+        raise UsageError("assumptions that tie runners together cannot be used with machines")
     if constraints.unmatched:
         raise UsageError(f"no runner of the machine matches {clip(constraints.unmatched[0], 200)}")
     return tuple(constraints.allowed)
@@ -530,7 +533,7 @@ class Admission:
                 else:
                     raise UsageError(_NO_SCENARIO)
         except Inconclusive:
-            raise GpsfsmError("z3 met its limit on the assumptions") from None
+            raise GpsfsmError("z3 reached its limit on the assumptions") from None
         return fixed
 
     @cached_property

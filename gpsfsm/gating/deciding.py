@@ -26,6 +26,7 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Frequency, PlanReport
 from gpsfsm.model.report import Verdict as CheckVerdict
+from gpsfsm.tracing import span
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
@@ -71,10 +72,12 @@ _EXIT_CODES: Final = {
 class GateOptions:
     """The options of the gate.
 
-    ``check`` says how plans and machines are checked (behaviour trees are no plans unless it says
-    so), ``fail_on`` from which severity on a finding refuses a plan. ``allow_suppressions``:
-    comments in the plan may excuse findings; else who writes a plan cannot. ``allow_empty``: a
-    plan in which nothing is done passes.
+    - ``check``: how plans and machines are checked. Behaviour trees are refused unless it accepts
+      them.
+    - ``fail_on``: the lowest severity of a finding that refuses a plan.
+    - ``allow_suppressions``: comments in the plan may excuse findings. By default, the author of a
+      plan cannot excuse anything.
+    - ``allow_empty``: accept a plan that does nothing.
     """
 
     check: CheckOptions = field(default_factory=lambda: CheckOptions(trees=False))
@@ -197,9 +200,9 @@ beginning of the run 2 to 5 ms; at a load average of 15 it was up to 22 ms.
 
 
 def gate_text(text: str | bytes, name: str, options: GateOptions | None = None) -> Verdict:
-    """Decide whether a plan may run; ``name`` is what the plan is called. Never raises for a text.
+    """Decide in this process whether a plan may run; ``name`` is the name of the plan in findings.
 
-    Raises UsageError for options that make no sense.
+    No text raises. Raises UsageError for invalid options.
 
     >>> str(gate_text("<Plan><Runner/></Plan>", "plan.xml"))
     'rejected: findings'
@@ -212,9 +215,12 @@ def gate_text(text: str | bytes, name: str, options: GateOptions | None = None) 
         raise misused("gate_text", "gpsfsm.GateOptions as options", chosen)
     options = options or GateOptions()
     try:
-        digests = digests_of(text, options)
-        report = check_text(text, name, _for_real_runs(options.check))
-        return _judged(report, options, digests)
+        with span("gpsfsm.gate") as whole:
+            digests = digests_of(text, options)
+            report = check_text(text, name, _for_real_runs(options.check))
+            verdict = _judged(report, options, digests)
+            whole.note(**{"gpsfsm.verdict": verdict.decision.value})
+            return verdict
     except UsageError:
         raise
     except (Exception, SystemExit) as error:  # a gate that breaks lets nothing through
@@ -332,9 +338,10 @@ def _reason(
     if report.facts is None or _unknown(report.facts):  # accepted undecided: it must not happen
         return Reason.INCONCLUSIVE, f"the {what} is undecided"
     if report.proof is None or report.proof.unproved:
-        return Reason.INCONCLUSIVE, f"the {what} was not proved"
+        limits = ", ".join(report.proof.limits) if report.proof else "the check was not completed"
+        return Reason.INCONCLUSIVE, f"not proved: {limits}"
     if report.facts.runners == 0 and not options.allow_empty:
-        return Reason.EMPTY, f"the {what} has no step in which anything is done"
+        return Reason.EMPTY, f"the {what} has no step that does anything"
     return Reason.PASSED, f"the {what} may run"
 
 

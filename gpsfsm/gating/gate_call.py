@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 IDLE_IGNORE = (
     "ignore has no effect on a gate that lets warnings pass: no finding of {codes} refuses a plan; "
-    'leave it out, or say fail_on="warning"'
+    'leave it out, or use fail_on="warning"'
 )
 DEFAULT_TOTAL_RLIMIT = 50_000_000
 """z3 steps per plan: some seconds on an ordinary machine, so that they run out before the time."""
@@ -59,13 +59,13 @@ def gate(
     energy_limit_j: float | None = None,
     tolerate: int = 0,
 ) -> Verdict:
-    """Decide whether a plan may run: its text, or the path of a file. The verdict is a truth value.
+    """Decide whether a plan may run. The verdict is true if it may.
 
-    A ``str`` that is empty or holds a ``<`` or a line break is a plan's text, any other is a path.
-    A process decides, which is killed after ``budget_ms`` milliseconds; None: this process decides,
-    without a clock. ``allow`` lists what may be reached as program, host and function. Who has many
-    plans uses ``gpsfsm.gating.Gate``, which keeps the process. The options are those of ``gpsfsm
-    gate``; those that make no sense raise UsageError.
+    ``text_or_path`` is a plan or a path, as for ``check``. A child process decides, and is killed
+    after ``budget_ms`` milliseconds; with None, the calling process decides, without a time limit.
+    ``allow`` lists what plans may reach, under ``program``, ``host`` and ``function``. The other
+    options are those of ``gpsfsm gate``. To decide about many plans, use ``Gate``, which keeps its
+    process. Raises UsageError for invalid options.
 
     >>> verdict = gate('<Plan><Runner interface="a/Go"/></Plan>', budget_ms=None)
     >>> bool(verdict), str(verdict), verdict.findings[0].rule

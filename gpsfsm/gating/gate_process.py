@@ -56,15 +56,16 @@ def start_worker() -> ChildProcess:
 
 
 class Gate:
-    """Decides whether plans may run, one after the other, each within ``budget_ms`` milliseconds.
+    """A gate for many plans, which it decides one after the other.
 
-    The budget counts from when a plan is handed to the worker until the answer is there. The start
-    of the worker is not counted (it has 60 s of its own): entering a ``with`` block does it, else
-    the first plan. A worker that was killed is replaced with the next plan. It gets ``memory_mb``
-    megabytes of memory, where the system can bound that. ``started`` is a process to begin with.
-    May be called from several threads, which then wait for each other.
+    Each decision may take ``budget_ms`` milliseconds. The time is counted from the moment a plan is
+    passed to the worker process until its answer arrives. The start of the worker is not counted
+    and has 60 s of its own; it happens on entering a ``with`` block, or else with the first plan.
+    If the worker is killed, the next plan starts a new one. The worker gets ``memory_mb`` megabytes
+    of memory, where the system can limit that. ``started`` is a process to begin with. Several
+    threads may call a gate; they wait for each other.
 
-    Raises UsageError for options that make no sense; all else is a refusal.
+    Raises UsageError for invalid options. Anything else that goes wrong is a refusal.
 
     >>> with Gate(budget_ms=5_000) as gate:
     ...     print(gate(b"<Plan><Runner/></Plan>", "plan.xml"))
@@ -108,7 +109,7 @@ class Gate:
         self.close()
 
     def close(self) -> None:
-        """End the worker; with the next plan there is another one."""
+        """End the worker; the next plan starts a new one."""
         for worker in (self._worker, self._started):
             if worker is not None:
                 worker.end()
@@ -137,12 +138,12 @@ class Gate:
     def _decided(self, text: bytes, name: str) -> Verdict:
         from gpsfsm.gating.deciding import refusal
 
-        too_late = f"it is undecided after {self.budget_ms:,} ms (--budget-ms)"
+        too_late = f"the plan is undecided after {self.budget_ms:,} ms (--budget-ms)"
         head, answer = _ask(self._ready(), {"name": name}, text, self.budget_ms / 1000, too_late)
         if head.get("is") == _MISUSE:
             raise UsageError(str(head.get("wrong")))
         if head.get("is") != _VERDICT:
-            raise NoAnswer("the worker said something that is no verdict")
+            raise NoAnswer("the worker's answer is not a verdict")
         verdict = verdict_of(answer)
         expected = refusal(text, self.options, "", name)
         theirs = (verdict.digests, verdict.basis.task)

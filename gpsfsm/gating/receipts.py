@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 MOST_BYTES = 64 << 20
 _VERSION = 2
 _EARLIER = (
-    "this receipt of version 1 is of an earlier gpsfsm, for which no verdict holds; "
-    "decide anew with 'gpsfsm gate --format json'"
+    "this receipt has version 1, of an earlier gpsfsm, and its verdicts do not count; "
+    "decide again with 'gpsfsm gate --format json'"
 )
 _PARTS = {
     "plan": "the plan is another one",
@@ -34,7 +34,7 @@ _PARTS = {
 
 
 def write_receipt(verdicts: Sequence[Verdict]) -> str:
-    """The verdicts as JSON (docs/gate.md), one line per plan."""
+    """Write the verdicts as JSON (docs/gate.md), one line per plan."""
     require_list("write_receipt", "verdicts", verdicts)
     for each in verdicts:
         value: object = each
@@ -60,9 +60,9 @@ def read_receipt(content: bytes, file: str) -> tuple[dict[str, str], ...]:
             if each["verdict"] == "accepted" and each["reason"] == "passed"
         )
     except DuplicateKeyError as error:
-        raise ConfigError(f"{file}: {error}, so nobody can say what was accepted") from error
+        raise ConfigError(f"{file}: {error}, so the accepted plans are unknown") from error
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        message = f"{file}: this is no receipt of gpsfsm gate --format json"
+        message = f"{file}: this is not a receipt of 'gpsfsm gate --format json'"
         raise ConfigError(message) from error
 
 

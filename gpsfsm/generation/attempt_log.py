@@ -153,7 +153,7 @@ def attempt_data(attempt: Attempt) -> dict[str, RunValue]:
     data: dict[str, RunValue | None] = {
         "round": attempt.round,
         "candidate": attempt.candidate,
-        "asked": attempt.asked,
+        "asked": attempt.message,
         "problem": attempt.problem or None,
         "note": attempt.note or None,
     }
@@ -175,7 +175,7 @@ def attempt_data(attempt: Attempt) -> dict[str, RunValue]:
         data |= {
             "accepted": judged.accepted,
             "plan": judged.plan,
-            "told": judged.told,
+            "told": judged.feedback,
             "errors": judged.errors,
             "warnings": judged.warnings,
             "decided": judged.decided,
@@ -229,7 +229,7 @@ def _judgement(data: Mapping[str, RunValue]) -> Judgement:
     return Judgement(
         accepted=data["accepted"] is True,
         plan=_typed(data, "plan"),
-        told=_typed(data, "told"),
+        feedback=_typed(data, "told"),
         errors=_whole(data, "errors"),
         warnings=_whole(data, "warnings"),
         decided=data.get("decided") is True,
@@ -266,7 +266,7 @@ def _pair(value: RunValue) -> tuple[str, str]:
 
 
 def _damaged(what: str) -> InputError:
-    return InputError(f"this is no attempt that gpsfsm has kept: '{what}' does not fit")
+    return InputError(f"this is not an attempt that gpsfsm recorded: '{what}' does not fit")
 
 
 def attempt_line(attempt: Attempt, *, candidates: int = 1) -> str:
@@ -357,13 +357,13 @@ def attempt_text(kept: KeptSession, number: int) -> Iterator[str]:
 
 
 def _parts(attempt: Attempt) -> Iterator[tuple[str, str]]:
-    yield "what the model was told last", attempt.asked
+    yield "the last message to the model", attempt.message
     if attempt.answer is not None:
-        yield "its answer", attempt.answer.text
+        yield "the answer", attempt.answer.text
     if attempt.judgement is not None:
         if attempt.judgement.repairs:
-            yield "the plan after what was mended", attempt.judgement.plan
-        yield "what was found", attempt.judgement.told
+            yield "the repaired plan", attempt.judgement.plan
+        yield "the result", attempt.judgement.feedback
 
 
 def _count(number: int, word: str) -> str:

@@ -27,10 +27,10 @@ MAX_ANSWER = 200_000
 
 
 class ModelError(GpsfsmError):
-    """A model has not answered; the text says which, why, and what to do. Never holds a key.
+    """A model did not answer; the message says which one, why, and what to do.
 
-    ``again`` tells whether asking once more may help (already tried as often as was allowed).
-    ``empty``: the model could be asked, but there is nothing in its answer.
+    It never contains a key. ``again``: another try may help, although the retries have been used
+    up. ``empty``: the model was reached, but its answer is empty.
     """
 
     def __init__(self, text: str, *, again: bool = False, empty: bool = False) -> None:
@@ -56,7 +56,7 @@ class Finish(StrEnum):
 
 
 class Constraint(StrEnum):
-    """In what a grammar of plans is written (``gpsfsm grammar --format``)."""
+    """The format of a grammar for plans (``gpsfsm grammar --format``)."""
 
     GBNF = "gbnf"
     LARK = "lark"
@@ -75,11 +75,13 @@ class Message:
 class Request:
     """A request to a model.
 
-    ``task`` is the bare task, for providers that look answers up by it. ``grammars`` are texts that
-    allow plans only, by language; a provider sends the one that its server understands, or none.
-    ``max_tokens`` bounds the answer. ``seed`` and ``temperature`` are passed on where they can be.
-    ``number`` says how many requests for the same task came before, over restarts of the process;
-    providers that answer in order go by it. None lets them count for themselves.
+    - ``task``: the task alone, for providers that look up answers by it.
+    - ``grammars``: grammars that admit only plans, by format; a provider sends the one that its
+      server understands, or none.
+    - ``max_tokens``: the most tokens in the answer.
+    - ``seed``, ``temperature``: passed on if the server accepts them.
+    - ``number``: the number of earlier requests for the same task, including those of earlier
+      processes, for providers that answer in order. None: such providers count themselves.
     """
 
     messages: tuple[Message, ...]
@@ -91,7 +93,7 @@ class Request:
     number: int | None = None
 
     def grammar(self, constraint: Constraint) -> str | None:
-        """The grammar in a language, None if there is none."""
+        """The grammar in a format; None if there is none."""
         return dict(self.grammars).get(constraint)
 
 
@@ -109,12 +111,15 @@ class Usage:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """An answer of a model.
+    """An answer from a model.
 
-    ``text`` is the plain answer: JSON to a schema of the plan tree has been rendered to XML
-    already, and ``raw`` is what came. ``constrained`` is the grammar language that was sent and is
-    known to be heeded by this server, None if the answer was free. ``requests`` counts the HTTP
-    requests that it took. ``cost`` is in the currency of the configured prices, None without.
+    - ``text``: the answer as plain text. JSON that follows a schema of the plan tree is already
+      converted to XML; ``raw`` is the answer as it came.
+    - ``latency_s``: the time that the answer took, in seconds.
+    - ``constrained``: the format of the grammar that was sent, if this server is known to obey it;
+      None if the answer was unconstrained.
+    - ``requests``: the number of HTTP requests that the answer took.
+    - ``cost``: in the currency of the configured prices; None without prices.
     """
 
     text: str
@@ -129,21 +134,21 @@ class Answer:
 
 
 class LanguageModel(Protocol):
-    """A model that can be asked. ``context_tokens`` is how much it can read, None if unknown."""
+    """A language model."""
 
     @property
     def name(self) -> str:
-        """Provider and model, such as ``ollama:qwen3``; goes into journals and messages."""
+        """Provider and model, such as ``ollama:qwen3``, for journals and messages."""
 
     @property
     def context_tokens(self) -> int | None:
-        """The tokens that prompt and answer may have together."""
+        """The most tokens that prompt and answer may have together; None if unknown."""
 
     async def answer(self, request: Request) -> Answer:
-        """Ask. Raises ModelError; cancelling the task ends the request at once."""
+        """Answer a request. Raises ModelError; cancelling the task ends the request at once."""
 
     async def close(self) -> None:
-        """Let go of connections."""
+        """Close all connections."""
 
 
 class ModelWrapper:

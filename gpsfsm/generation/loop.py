@@ -46,14 +46,14 @@ class Judgement:
     """The verdict about an answer.
 
     ``plan`` is the plan in it ("" if there is none), as it would be run: repairs that are safe have
-    been made, ``repairs`` names them. ``told`` is what the model is answered. ``findings`` are the
+    been made, ``repairs`` names them. ``feedback`` is the answer to the model. ``findings`` are the
     codes and messages that matter, the worst first. ``errors`` and ``warnings`` count them.
     ``decided`` is false if the plan could not be checked at all.
     """
 
     accepted: bool
     plan: str
-    told: str
+    feedback: str
     errors: int = 0
     warnings: int = 0
     decided: bool = True
@@ -82,17 +82,17 @@ class Judge(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """One answer, or why there is none.
+    """One answer, or the reason why there is none.
 
-    ``round`` counts from 1, ``candidate`` too, of those asked for in the same round. ``asked`` is
-    what the model was told last. ``answer`` is None if the model could not be reached; ``problem``
-    says why, or why the answer was refused without a judgement ("" if it was judged). ``note`` says
-    what the model was not told for want of room.
+    ``round`` counts from 1, and so does ``candidate`` within a round. ``message`` is the last one
+    to the model. ``answer`` is None if the model could not be reached. ``problem`` says why there
+    is no answer, or why it was refused without a judgement; it is "" if the answer was judged.
+    ``note`` says what was left out of the prompt to make it fit.
     """
 
     round: int
     candidate: int
-    asked: str
+    message: str
     answer: Answer | None = None
     judgement: Judgement | None = None
     problem: str = ""
@@ -100,7 +100,7 @@ class Attempt:
 
     @property
     def accepted(self) -> bool:
-        """True if it is the end of the search."""
+        """True if the plan of this attempt is accepted, which ends the search."""
         return not self.problem and self.judgement is not None and self.judgement.accepted
 
 
@@ -127,7 +127,7 @@ class LoopOptions:
 
 @dataclass(frozen=True, slots=True)
 class Generated:
-    """The result of the loop. ``best`` is the accepted attempt, or the one that came nearest."""
+    """The result of ``generate``; ``best`` is the accepted attempt or the closest one."""
 
     attempts: tuple[Attempt, ...]
     best: Attempt | None
@@ -135,7 +135,7 @@ class Generated:
 
     @property
     def accepted(self) -> bool:
-        """True if there is a plan that may be run."""
+        """True if there is an accepted plan."""
         return self.best is not None and self.best.accepted
 
     @property
@@ -495,7 +495,7 @@ def _corrections(attempt: Attempt, *, alone: bool) -> Iterator[tuple[str, bool]]
     else:
         correction = ""
         if attempt.judgement is not None and not attempt.judgement.accepted:
-            correction = attempt.judgement.told.strip()
+            correction = attempt.judgement.feedback.strip()
         if attempt.problem:
             refused = find_template("refused").filled({"why": attempt.problem})
             if not correction:

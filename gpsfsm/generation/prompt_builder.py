@@ -68,7 +68,9 @@ def find_template(name: str) -> PromptTemplate:
     names = template_names()
     fitting = [each for each in names if name in (each, each.rpartition(".")[0])]
     if not fitting:
-        raise UsageError(f"there is no prompt template '{name}'; known are {', '.join(names)}")
+        raise UsageError(
+            f"there is no prompt template '{name}'; the templates are {', '.join(names)}"
+        )
     file = _TEXTS.joinpath(f"{fitting[-1]}.txt")
     return PromptTemplate(fitting[-1], file.read_text(encoding="utf-8"))
 

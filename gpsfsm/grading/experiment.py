@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,10 +17,11 @@ from gpsfsm.checking.inputs import find_inputs, holds_lines
 from gpsfsm.errors import InputError
 from gpsfsm.files import read_whole
 from gpsfsm.grading.labels import load_labels, read_rows, seconds_of
+from gpsfsm.model.printable import clip
 from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from gpsfsm.checking.inputs import Input
     from gpsfsm.grading.grader import Grade
@@ -31,6 +32,7 @@ PUBLISHED = "Experiment_1"
 
 _OUTPUTS = "outputs"
 _LABELS = "labels.csv"
+_CORRUPTED = "corrupted"
 _OPENAI = "openai-"
 _TASK = re.compile(r"(?:task|generative)_?([1-9][0-9]{0,3})")
 _ANSWER = re.compile(r"0*([1-9][0-9]{0,5})\.xml")
@@ -40,7 +42,7 @@ _ANSWER = re.compile(r"0*([1-9][0-9]{0,5})\.xml")
 class Answer:
     """One answer of a model. ``path`` is None if there is no file: no plan was found in it.
 
-    ``line`` is the answer if it is a line of a file.
+    ``line`` is the answer if it is a line of a file. A ``corrupted`` one is counted apart.
     """
 
     key: Key
@@ -48,6 +50,7 @@ class Answer:
     human: Grade | None
     seconds: float | None
     line: Input | None = None
+    corrupted: bool = False
 
 
 def read_experiment(root: str, labels: str | None = None, field: str | None = None) -> list[Answer]:
@@ -73,7 +76,10 @@ def read_experiment(root: str, labels: str | None = None, field: str | None = No
     for key in sorted({*files, *times}):
         label = labelled.get(key)
         human, seconds = (None, None) if label is None else (label.human, label.seconds)
-        answers.append(Answer(key, files.get(key), human, times.get(key, seconds)))
+        corrupted = _is_corrupted(label)
+        answers.append(
+            Answer(key, files.get(key), human, times.get(key, seconds), corrupted=corrupted)
+        )
     return answers
 
 
@@ -93,7 +99,8 @@ def _of_lines(file: str, labels: str | None, field: str | None) -> Iterator[Answ
         if label is None:
             yield Answer(key, place, None, seconds, line)
         else:
-            yield Answer(key, place, label.human, seconds or label.seconds, line)
+            corrupted = _is_corrupted(label)
+            yield Answer(key, place, label.human, seconds or label.seconds, line, corrupted)
 
 
 def _joined(*parts: str) -> str:
@@ -167,6 +174,7 @@ def _labels(base: str, file: str | None) -> Mapping[Key, Label]:
             raise InputError(f"{file}:1: the column '{name}' is missing")
     by_key: dict[Key, Label] = {}
     for label in loaded.by_path.values():
+        _yes_or_no(label, f"{file}:{label.line}")
         key = _labelled(label, f"{file}:{label.line}")
         if key in by_key:
             raise InputError(f"{file}:{label.line}: line {by_key[key].line} is of the same answer")
@@ -182,6 +190,59 @@ def _labelled(label: Label, place: str) -> Key:
         raise InputError(f"{place}: 'task' and 'iteration' must be numbers") from error
     model = model_name(cells["model"], cells.get("version", ""))
     return Key(Cell(cells["system"].lower(), model, cells["prompt"], task), iteration)
+
+
+def _yes_or_no(label: Label, place: str) -> None:
+    """Raise InputError for a cell of the column ``corrupted`` that says neither."""
+    cell = label.cells.get(_CORRUPTED, "").strip().lower()
+    if cell not in ("yes", "no", ""):
+        message = f"'{clip(cell, 40)}' in the column 'corrupted' is neither yes nor no"
+        raise InputError(f"{place}: {message}; write yes, no or nothing")
+
+
+def _is_corrupted(label: Label | None) -> bool:
+    return label is not None and label.cells.get(_CORRUPTED, "").strip().lower() == "yes"
+
+
+def mark_corrupted(answers: Iterable[Answer], file: str) -> tuple[list[Answer], list[str]]:
+    """Mark the answers that a file lists as corrupted; the second list is of lines without one.
+
+    Each line of the file, which is CSV, names some answers: with ``system``, ``model`` and
+    ``prompt``, and perhaps ``version``, ``task`` and ``iteration``. What is empty there, or no
+    column, may be anything. Raises InputError with the line that is wrong.
+    """
+    columns, rows = read_rows(file)
+    for name in _TEXTS:
+        if name not in columns:
+            raise InputError(f"{file}:1: the column '{name}' is missing")
+    patterns = {line: _pattern(cells, f"{file}:{line}") for line, cells in rows}
+    marked, unused = [], set(patterns)
+    for answer in answers:
+        key = (*answer.key.cell, answer.key.iteration)
+        lines = {
+            line
+            for line, pattern in patterns.items()
+            if all(part in (None, own) for part, own in zip(pattern, key, strict=True))
+        }
+        unused -= lines
+        marked.append(replace(answer, corrupted=answer.corrupted or bool(lines)))
+    return marked, [f"{file}:{line}" for line in sorted(unused)]
+
+
+def _pattern(cells: Mapping[str, str], place: str) -> tuple[str | int | None, ...]:
+    """System, model, prompt, task and iteration as a line names them; None: any of them."""
+    texts = {name: cells.get(name, "").strip() for name in (*_TEXTS, *_NUMBERS, "version")}
+    model = texts["model"] and model_name(texts["model"], texts["version"])
+    parts = [texts["system"].lower() or None, model or None, texts["prompt"] or None]
+    if not any((*parts, *(texts[name] for name in _NUMBERS))):
+        raise InputError(f"{place}: this line names no answer in particular")
+    if texts["version"] and not model:
+        raise InputError(f"{place}: there is a version without a model")
+    try:
+        numbers = [int(texts[name]) if texts[name] else None for name in _NUMBERS]
+    except ValueError as error:
+        raise InputError(f"{place}: 'task' and 'iteration' must be numbers") from error
+    return (*parts, *numbers)
 
 
 class Cell(NamedTuple):

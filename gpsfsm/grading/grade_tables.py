@@ -45,31 +45,50 @@ _HEAD = ["path", "grade", "syntax", "theory", "reason"]
 
 @dataclass(frozen=True, slots=True)
 class GradeTable:
-    """Grades, the labels if there are any, and the columns by which they are grouped."""
+    """A table of grades, with the labels, if any, and the columns by which it is grouped."""
 
     grades: Sequence[Graded]
     labels: Labels | None = None
     by: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """What ``gpsfsm grade --table json`` prints (docs/tasks.md)."""
+        """The data that ``gpsfsm grade --table json`` prints (docs/tasks.md)."""
         return _data(self)
 
+    def _repr_html_(self) -> str:
+        """The table and the totals, for notebooks."""
+        from gpsfsm.report._notebook import table_html
+
+        labelled = self.labels is not None
+        rows = _rows(self)
+        if self.by:
+            rows = short_rows(self.by, self.groups(), labelled=labelled)
+        below = _totals(self.grades) + (f"\n\n{agreement_text(self)}" if labelled else "")
+        return table_html(rows, below)
+
+    def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
+        """The same as text, where nothing draws: IPython on a terminal."""
+        printer.text(str(self))
+
+    def __str__(self) -> str:
+        """The same for ``print``."""
+        return table_text(self, "text").rstrip()
+
     def label(self, graded: Graded) -> Label | None:
-        """The label of an answer, if there are labels and one is of it."""
+        """The label of an answer; None if there is none."""
         return None if self.labels is None else self.labels.of(graded.path)
 
     def human(self, graded: Graded) -> Grade | None:
-        """The grade that people gave an answer, if that is known."""
+        """The grade that people gave an answer; None if there is none."""
         label = self.label(graded)
         return None if label is None else label.human
 
     def confusion(self) -> Confusion:
-        """The comparison of the grades with those of people."""
+        """The comparison of the grades with those that people gave."""
         return confusion_of((self.human(one), one.grade) for one in self.grades)
 
     def groups(self) -> list[Group]:
-        """The groups in the order of their names, and a last one over all of them."""
+        """The groups, sorted by name, followed by one for all answers."""
         entries: dict[tuple[str, ...], list[Entry]] = {}
         for graded in self.grades:
             label = self.label(graded)
@@ -88,7 +107,7 @@ def columns_of(by: str | None, labels: Labels | None, table: str = "text") -> tu
     if by is None:
         return ()
     if table == "jsonl":
-        raise UsageError("--by is about tables; jsonl has a line for each answer")
+        raise UsageError("--by cannot be used with jsonl, which has a line for each answer")
     columns = tuple(name.strip() for name in by.split(","))
     label_columns = () if labels is None else labels.columns
     for name in columns:

@@ -46,9 +46,10 @@ if TYPE_CHECKING:
 
 
 class Grade(StrEnum):
-    """``success``: syntax and theory right; ``partial``: one of them; ``failed``: neither.
+    """The grade of an answer.
 
-    ``undecided``: the theory could not be decided, so that there is no grade.
+    ``success``: syntax and theory are right; ``partial``: one of them is; ``failed``: neither is.
+    ``undecided``: the theory could not be decided, so there is no grade.
     """
 
     SUCCESS = "success"
@@ -61,9 +62,10 @@ class Grade(StrEnum):
 class Graded:
     """The grade of one answer.
 
-    ``syntax``: it reads as a plan without mending; ``theory``: the plan, mended if need be, fulfils
-    the task (None: undecided). ``reason`` says why, in a line. ``decided_by``: what the theory
-    rests on where a plan was judged by the task: ``replay``, ``z3`` or ``search``.
+    - ``syntax``: the answer is a plan as it stands.
+    - ``theory``: the plan, fixed if necessary, fulfils the task; None: undecided.
+    - ``reason``: an explanation in one line.
+    - ``decided_by``: ``replay``, ``z3`` or ``search``, if the plan was judged by the task.
     """
 
     path: str
@@ -134,7 +136,10 @@ def refuse_idle_options(options: CheckOptions) -> None:
 
 @dataclass(slots=True)
 class Grader:
-    """Grades answers against one task. Raises UsageError for options on which no grade depends."""
+    """Grades answers against one task.
+
+    Raises UsageError for options that do not affect any grade.
+    """
 
     task: Task
     options: CheckOptions = field(default_factory=CheckOptions)
@@ -145,7 +150,7 @@ class Grader:
         refuse_idle_options(self.options)
 
     def grade(self, text: str | bytes, path: str) -> Graded:
-        """Grade one answer; never raises for anything that is in it."""
+        """Grade one answer. No answer raises."""
         decoded = read_source(text, self.options.limits).text
         if decoded is not None and holds_tree_answer(decoded):
             return self._tree(decoded, path)

@@ -69,7 +69,7 @@ def load_labels(file: str) -> Labels:
         place = _place(file, cells["path"])
         if place in by_path:
             message = (
-                f"the path '{clip(cells['path'], 80)}' stands in line {by_path[place].line} already"
+                f"the path '{clip(cells['path'], 80)}' is already in line {by_path[place].line}"
             )
             raise InputError(f"{file}:{line}: {message}")
         human = _grade(cells[graded], f"{file}:{line}")
@@ -107,7 +107,7 @@ def seconds_of(written: str, place: str) -> float | None:
     except ValueError:
         seconds = -1.0
     if not isfinite(seconds) or not 0 <= seconds <= _MAX_SECONDS:
-        message = f"'{clip(written, 40)}' is no time; write seconds"
+        message = f"'{clip(written, 40)}' is not a time; write seconds"
         raise InputError(f"{place}: {message}, such as 2.5")
     return seconds
 
@@ -127,7 +127,7 @@ def _grade(written: str, place: str) -> Grade | None:
     if name in _UNKNOWN:
         return None
     if name not in _NAMES:
-        raise InputError(f"{place}: '{clip(name, 40)}' is no grade; write S, P or F")
+        raise InputError(f"{place}: '{clip(name, 40)}' is not a grade; write S, P or F")
     return _NAMES[name]
 
 

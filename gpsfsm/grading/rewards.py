@@ -37,7 +37,7 @@ from gpsfsm.errors import (
 from gpsfsm.streams import counted, refuse_progress
 from gpsfsm.tasks.task import Task
 from gpsfsm.workers import map_items
-from gpsfsm.workers.known.processes import Processes
+from gpsfsm.workers.builtin.processes import Processes
 from gpsfsm.workers.pool_worker import available_cores
 
 if TYPE_CHECKING:
@@ -56,15 +56,16 @@ _UNDECIDED = "undecided"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
-    """The scale of rewards: the worth of answers.
+    """The scale of rewards.
 
-    ``success``: the answer reads as a plan that fulfils the task in every scenario. ``mended``: it
-    would if its mistakes in writing were mended. ``readable``: it reads as a plan that does not
-    fulfil the task. ``nothing``: all else, so no plan, one that neither reads nor fulfils the task,
-    one that does nothing, the example of the prompt, and what could not be decided in time.
-
-    ``shaped``, with shaping: what a readable plan gets on top at most, divided by one more than the
-    number of its errors and warnings.
+    - ``success``: the answer is a plan that fulfils the task in every scenario.
+    - ``mended``: it would be if its syntax errors were fixed.
+    - ``readable``: it is a plan, but does not fulfil the task.
+    - ``nothing``: everything else: no plan, an unreadable plan that does not fulfil the task
+      either, a plan that does nothing, the example of the prompt, and an answer that could not be
+      decided in time.
+    - ``shaped``: with shaping, a readable plan gets this much in addition, divided by one more than
+      the number of its errors and warnings.
     """
 
     success: float = 1.0
@@ -76,14 +77,14 @@ class Scale:
 
 @dataclass(frozen=True, slots=True)
 class Reward:
-    """The reward of an answer, its grade (docs/tasks.md) and why, in a line."""
+    """The reward of an answer, with its grade (docs/tasks.md) and a reason in one line."""
 
     value: float
     grade: str
     reason: str
 
     def to_dict(self) -> dict[str, Any]:
-        """The reward for programs."""
+        """The reward as data."""
         return {"value": self.value, "grade": self.grade, "reason": self.reason}
 
 
@@ -148,11 +149,13 @@ class _Kept(Processes):
 
 @dataclass(slots=True)
 class Rewards:
-    """Gives rewards with settings of its own; may be used by several threads, and after a fork.
+    """Computes rewards with its own settings; it can be used by several threads and after a fork.
 
-    ``options``: how plans are checked (default: as usual, with answers of up to 1 MiB and 5,000
-    elements). ``jobs``: processes, 0 for one per core. ``timeout_s``: for each answer. Use it in a
-    ``with`` statement, or ``close`` it: the processes stay until then.
+    ``options`` sets how plans are checked (default: as usual, for answers of up to 1 MiB and 5,000
+    elements), ``jobs`` the number of processes (0: one per core), ``timeout_s`` the seconds for
+    each answer. Use it in a ``with`` statement or call ``close``: the processes stay until then.
+
+    Raises UsageError for invalid settings.
     """
 
     options: CheckOptions | None = None
@@ -192,7 +195,7 @@ class Rewards:
     ) -> list[Reward]:
         """The reward of each answer for its task, or for the one task that all have.
 
-        ``progress(done, total)`` is called after each answer.
+        ``progress``: as for ``gpsfsm.check``.
 
         Never raises for anything that is in an answer. Raises UsageError, or ConfigError, a kind of
         it, for tasks that make no sense and if there are not as many as answers.
@@ -212,11 +215,11 @@ class Rewards:
                 self._engine = _Kept(size, timeout_s=self.timeout_s)
             work = _Work(self._checks(), self.scale, self.shaping)
             items = zip(wanted, texts, strict=True)
-            found = map_items(self._engine, work, items, lost=self._lost)
-            return list(counted(found, len(texts), progress))
+            grades = map_items(self._engine, work, items, lost=self._lost)
+            return list(counted(grades, len(texts), progress, "grading"))
 
     def close(self) -> None:
-        """End the processes. They begin again when they are needed."""
+        """End the processes. The next batch starts new ones."""
         if self._engine is not None and self._pid == os.getpid():
             self._engine.end()
         self._engine = None
@@ -239,9 +242,9 @@ class Rewards:
 
 
 def reward(answer: object, task: TaskLike, *, shaping: bool = False) -> float:
-    """The reward of one answer, from 0 (no plan) to 1 (success); see ``Scale``.
+    """Return the reward of one answer, from 0 (no plan) to 1 (success); see ``Scale``.
 
-    Raises UsageError for a task that makes no sense, and nothing for what is in the answer.
+    Raises UsageError for an invalid task. No answer raises.
     """
     require_flag("reward", "shaping", shaping)
     return _default(shaping).batch([answer], task)[0].value
@@ -254,10 +257,12 @@ def rewards(
     shaping: bool = False,
     progress: Progress | None = None,
 ) -> list[float]:
-    """The rewards of many answers; ``tasks`` is one task for all, or one for each.
+    """Return the rewards of many answers, each from 0 (no plan) to 1 (success).
 
-    ``progress(done, total)`` is called after each answer. Raises UsageError, or ConfigError, a kind
-    of it, for tasks that make no sense; nothing for what is in an answer.
+    ``tasks`` is one task for all answers or a list with one task for each. ``progress``: as for
+    ``check``.
+
+    Raises UsageError, or its subclass ConfigError, for invalid tasks. No answer raises.
     """
     require_flag("rewards", "shaping", shaping)
     graded = _default(shaping).batch(answers, tasks, progress=progress)
@@ -273,10 +278,11 @@ def verl_compute_score(
     shaping: bool = False,
     **_: object,
 ) -> float:
-    """A reward function for verl: ``ground_truth`` of a row is the task.
+    """Compute a reward for verl; ``ground_truth`` of a row is the task.
 
-    ``shaping`` comes from ``reward_kwargs``; what else verl may hand over is not looked at. A
-    number and no mapping: its manager ``prime`` and its ``main_eval`` take nothing else.
+    ``shaping`` comes from ``reward_kwargs``; other arguments from verl are ignored. The result is a
+    number, not a mapping, because verl's manager ``prime`` and its ``main_eval`` accept only
+    numbers. Raises UsageError for an invalid task.
     """
     return reward(solution_str, ground_truth, shaping=shaping)
 
@@ -290,7 +296,7 @@ def verl_compute_scores(
     shaping: bool = False,
     **_: object,
 ) -> list[float]:
-    """The same for verl's manager ``batch``, which asks for all rows at once."""
+    """``verl_compute_score`` for all rows at once, as verl's manager ``batch`` requires."""
     require_list("verl_compute_scores", "ground_truths", _listed(ground_truths))
     return rewards(solution_strs, list(ground_truths), shaping=shaping)
 
@@ -301,12 +307,14 @@ def openrlhf_reward_func(
     labels: Sequence[TaskLike],
     **_: object,
 ) -> dict[str, Any]:
-    """A reward function for OpenRLHF: the label of a prompt is the task.
+    """Compute rewards for OpenRLHF; the label of a prompt is its task.
 
-    The rewards are tensors if torch is installed, else lists. ``extra_logs`` says which answers are
-    a success. Raises UsageError if a query does not hold its prompt: what is not the answer could
-    otherwise be graded as if it were. Prompts that were tokenized and put together again may have
-    other spaces and Unicode forms, and may lack their front; they are found all the same.
+    The rewards are tensors if torch is installed, otherwise lists. ``extra_logs`` says which
+    answers are a success.
+
+    Prompts that were tokenized and decoded again are still recognised if their spaces or Unicode
+    forms differ, or if their beginning is missing. Raises UsageError if a query does not contain
+    its prompt, because text that is not part of the answer could then be graded.
     """
     for name, value in (("queries", queries), ("prompts", prompts), ("labels", labels)):
         require_list("openrlhf_reward_func", name, _listed(value))
@@ -314,7 +322,7 @@ def openrlhf_reward_func(
         require_texts("openrlhf_reward_func", name, _listed(texts))
     if not len(queries) == len(prompts) == len(labels):
         numbers = f"{len(queries)} queries, {len(prompts)} prompts and {len(labels)} labels"
-        raise UsageError(f"each query has a prompt and a label; here are {numbers}")
+        raise UsageError(f"each query needs a prompt and a label, but there are {numbers}")
     answers = []
     for place, (query, prompt) in enumerate(zip(queries, prompts, strict=True)):
         answer = answer_in(query, prompt)
@@ -363,7 +371,7 @@ def task_of(task: object) -> Task:
         try:
             return _read(json.dumps(_plain(task)))
         except (TypeError, ValueError, RecursionError) as error:
-            raise UsageError(f"the task is a mapping that is no task file: {error}") from error
+            raise UsageError(f"the task is a mapping, but not a valid task: {error}") from error
     if not isinstance(task, str | os.PathLike):
         forms = "the path of a task file, its content, or a Task"
         raise UsageError(f"a task is {forms}, not {type(task).__name__}")
@@ -375,7 +383,8 @@ def task_of(task: object) -> Task:
     try:
         changed = Path(text).stat().st_mtime_ns
     except (OSError, ValueError) as error:
-        raise ConfigError(f"the task file {text[:200]!r} cannot be read: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigError(f"the task file {text[:200]!r} cannot be read: {reason}") from error
     return _load(text, changed)
 
 

@@ -22,11 +22,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One answer: its grade, that of people, and how many seconds the model took, if known."""
+    """One answer: its grade, that of people, and how many seconds the model took, if known.
+
+    A ``corrupted`` one is counted apart from all others.
+    """
 
     grade: Grade
     human: Grade | None = None
     seconds: float | None = None
+    corrupted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +38,8 @@ class Summary:
     """Some answers: how many have which grade, here and from people, and what they took.
 
     ``times`` are the moments of all times together. ``pooled`` is their deviation within the groups
-    that were put together; one group alone has none.
+    that were put together; one group alone has none. ``corrupted`` is the number of answers that
+    were left out: they have no part in the other numbers.
     """
 
     grades: Mapping[Grade, int]
@@ -42,10 +47,11 @@ class Summary:
     confusion: Confusion
     times: Moments | None
     pooled: float | None
+    corrupted: int = 0
 
     @property
     def answers(self) -> int:
-        """The number of answers."""
+        """The number of answers that were not left out."""
         return sum(self.grades.values())
 
 
@@ -59,13 +65,15 @@ class Group:
 
 def summarize(entries: Iterable[Entry]) -> Summary:
     """One group in numbers."""
-    answers = list(entries)
+    listed = list(entries)
+    answers = [entry for entry in listed if not entry.corrupted]
     return Summary(
         grades=Counter(entry.grade for entry in answers),
         people=Counter(entry.human for entry in answers if entry.human is not None),
         confusion=confusion_of((entry.human, entry.grade) for entry in answers),
         times=moments_of(entry.seconds for entry in answers if entry.seconds is not None),
         pooled=None,
+        corrupted=len(listed) - len(answers),
     )
 
 
@@ -79,7 +87,9 @@ def over(groups: Sequence[Summary]) -> Summary:
         people.update(group.people)
         pairs.update(group.confusion.counts)
     times = [group.times for group in groups if group.times is not None]
-    return Summary(grades, people, Confusion(pairs), combined(times), pooled_deviation(times))
+    left_out = sum(group.corrupted for group in groups)
+    deviation = pooled_deviation(times)
+    return Summary(grades, people, Confusion(pairs), combined(times), deviation, left_out)
 
 
 GRADES = (Grade.SUCCESS, Grade.PARTIAL, Grade.FAILED)
@@ -196,24 +206,29 @@ _SHORT = "/".join(grade.value[0].upper() for grade in GRADES)
 
 
 def short_rows(
-    columns: Sequence[str], groups: Sequence[Group], *, labelled: bool
+    columns: Sequence[str], groups: Sequence[Group], *, labelled: bool, shares: bool = False
 ) -> list[list[str]]:
     """A head and a row for each group, to be looked at; three grades share a cell.
 
-    Columns of times are left out where none is known, those of people where nothing is labelled.
+    Columns of times are left out where none is known, those of people where nothing is labelled,
+    that of corrupted answers where there is none. ``shares`` adds the grades in percent.
     """
     timed = any(group.summary.times is not None for group in groups)
-    head = [*columns, "answers", _SHORT]
+    corrupted = _any_corrupted(groups)
+    head = [*columns, "answers", *(["corrupted"] if corrupted else []), _SHORT]
+    head += [f"{_SHORT}, %"] if shares else []
     head += [f"people {_SHORT}", "equal"] if labelled else []
     head += ["mean, s", "deviation, s", "pooled, s"] if timed else []
     rows = [head]
     for group in groups:
         summary = group.summary
-        row = [*map(printable, group.names), str(summary.answers), _grades(summary.grades)]
-        row[-1] += _undecided(summary)
+        row = [*map(printable, group.names), str(summary.answers)]
+        row += [str(summary.corrupted)] if corrupted else []
+        row.append(grades_text(summary.grades) + _undecided(summary))
+        row += [_shares(summary)] if shares else []
         if labelled:
             row += [
-                _grades(summary.people),
+                grades_text(summary.people),
                 f"{summary.confusion.equal} of {summary.confusion.labelled}",
             ]
         if timed:
@@ -226,13 +241,16 @@ def long_rows(
     columns: Sequence[str], groups: Sequence[Group], *, labelled: bool
 ) -> list[list[str]]:
     """A head and a row for each group, to be computed with: a cell for every number."""
-    head = [*columns, "answers", *(grade.value for grade in Grade)]
+    corrupted = _any_corrupted(groups)
+    head = [*columns, "answers", *(["corrupted"] if corrupted else [])]
+    head += [grade.value for grade in Grade]
     if labelled:
         head += [*(f"human_{grade.value}" for grade in GRADES), "known", "equal"]
     rows = [[*head, "timed", "mean_s", "deviation_s", "pooled_s"]]
     for group in groups:
         summary = group.summary
-        numbers = [summary.answers, *(summary.grades.get(grade, 0) for grade in Grade)]
+        numbers = [summary.answers, *([summary.corrupted] if corrupted else [])]
+        numbers += [summary.grades.get(grade, 0) for grade in Grade]
         if labelled:
             numbers += [summary.people.get(grade, 0) for grade in GRADES]
             numbers += [summary.confusion.labelled, summary.confusion.equal]
@@ -250,6 +268,8 @@ def group_data(columns: Sequence[str], group: Group, *, labelled: bool) -> dict[
         "answers": summary.answers,
         "grades": {grade.value: summary.grades.get(grade, 0) for grade in Grade},
     }
+    if summary.corrupted:
+        data["corrupted"] = summary.corrupted
     if labelled:
         data["agreement"] = agreement_data(summary.confusion)
     if summary.times is not None:
@@ -320,8 +340,21 @@ def _no_formula(cell: str) -> str:
     return f"'{cell}" if cell.lstrip().startswith(_FORMULAS) else cell
 
 
-def _grades(counts: Mapping[Grade, int]) -> str:
+def grades_text(counts: Mapping[Grade, int]) -> str:
+    """Success, partial and failed, as ``49/1/0``."""
     return "/".join(str(counts.get(grade, 0)) for grade in GRADES)
+
+
+def _shares(summary: Summary) -> str:
+    """The grades in percent; nothing where there is no answer."""
+    whole = summary.answers
+    if not whole:
+        return ""
+    return "/".join(f"{100 * summary.grades.get(grade, 0) / whole:.1f}" for grade in GRADES)
+
+
+def _any_corrupted(groups: Iterable[Group]) -> bool:
+    return any(group.summary.corrupted for group in groups)
 
 
 def _undecided(summary: Summary) -> str:

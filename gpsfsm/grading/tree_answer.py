@@ -78,7 +78,7 @@ def read_tree_answer(
     """Read the last ``<root>…</root>`` of an answer; never raises for anything that is in it."""
     span = last_root(text)
     if span is None:
-        return TreeAnswer(None, None, "there is no whole <root>…</root> in it")
+        return TreeAnswer(None, None, "there is no complete <root>…</root> in it")
     start, end = span
     before = "".join(each if each in "\r\n" else " " for each in text[:start])
     whole = before + text[start:end]
@@ -139,7 +139,7 @@ def _mistake(node: TreeNode, form: NodeForm) -> str:
     if node.tag in ("SubTree", "SubTreePlus"):
         return f"{form.name} is a node of the task, not a tree"
     if node.explicit and form.compact:
-        return f"the task has the node <{form.name}>, not <{node.tag} ID=…>"
+        return f"the task writes this node as <{form.name}>, not as <{node.tag} ID=…>"
     if node.explicit and node.tag != "Action":
         return f"{form.name} is an Action, not a {node.tag}"
     return ""

@@ -395,7 +395,7 @@ class Checking:
         if not isinstance(answer, Lost):
             return cast("PlanReport", answer)
         if answer.late:
-            limit = f"it is undecided after {self._timeout_s:g} s (time limit)"
+            limit = f"the plan is undecided after {self._timeout_s:g} s (time limit)"
             return undecided(path, limit, hint=_HINT)
         return failed(path, f"the process that checked this plan {answer.how}", hint=_HINT)
 

@@ -27,26 +27,26 @@ if TYPE_CHECKING:
 CONTROLS: dict[str, str] = {
     ControlType.SEQUENTIAL.value: (
         "Its children run one after the other. It fails with the child that fails, unless a "
-        "recovery right behind that child takes the failure."
+        "recovery right behind that child handles the failure."
     ),
     ControlType.RECOVERY.value: (
         "Runs when the sibling right before it fails. Its children are alternatives: when one "
-        "fails the next one is tried, and the first that succeeds lets the plan go on."
+        "fails the next one is tried, and the first that succeeds lets the plan continue."
     ),
     ControlType.PARALLEL_ANY.value: (
         "Its children start together. It succeeds with the first one that succeeds, while the "
-        "others run on, and fails once all have failed."
+        "others keep running, and fails once all have failed."
     ),
     ControlType.PARALLEL_ALL.value: (
         "Its children start together. It succeeds when all have succeeded, and fails as soon as "
-        "one fails, while the others run on."
+        "one fails, while the others keep running."
     ),
 }
 """The control types, in the words of docs/semantics.md."""
 
 ELEMENTS: dict[str, str] = {
     "Plan": "The whole plan. Its children run one after the other.",
-    "Control": "Says how its children run: the attribute type tells which way.",
+    "Control": "Determines how its children run, by the attribute type.",
     "Runner": "One action of the robot: an interface, the provider that does it, its parameters.",
 }
 LABELS: dict[str, str] = {
@@ -134,7 +134,7 @@ def tell_provider(prose: Prose, provider: Provider) -> None:
     prose.items(map(_line, writable(provider)))
     if provider.outputs:
         names = ", ".join(each.name for each in provider.outputs)
-        prose.text(f"Gives to the runner right behind it: {names}.")
+        prose.text(f"Passes to the runner right behind it: {names}.")
     prose.items(_facts(provider))
 
 

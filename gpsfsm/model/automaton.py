@@ -98,11 +98,12 @@ class Tie:
 
 @dataclass(frozen=True, slots=False, eq=False)
 class Automaton:
-    """A compiled plan, or a machine that was handed in.
+    """A compiled plan, or a machine that a user has passed in.
 
-    ``graph`` is all of it but what a graph cannot say: ``blocks`` tells, for each parallel_all of
-    more than one unit, what the analyses must know about its join, and ``traits`` what an engine
-    does otherwise. ``dataclasses.replace(automaton, graph=…)`` is the automaton of an edited copy.
+    ``graph`` holds everything that a graph can express. ``blocks`` describes, for each parallel_all
+    of more than one unit, what the analyses must know about its join. ``traits`` describes what an
+    engine does differently from the paper. To get the automaton of an edited graph, use
+    ``dataclasses.replace(automaton, graph=…)``.
     """
 
     plan: Plan
@@ -132,12 +133,12 @@ class Automaton:
     @cached_property
     @collecting_rarely()
     def edges(self) -> tuple[Edge, ...]:
-        """The connections that trigger what they lead to, in order of creation."""
+        """The connections that trigger their target, in order of creation."""
         return edges_of(self.graph, Action.TRIGGER)
 
     @cached_property
     def stops(self) -> tuple[Edge, ...]:
-        """The connections that stop what they lead to; only machines have these."""
+        """The connections that stop their target, in order of creation; only machines have any."""
         return edges_of(self.graph, Action.STOP)
 
     @cached_property
@@ -178,7 +179,7 @@ class Automaton:
         )
 
     def emitted(self, node: int, outcome: Outcome) -> tuple[Event, ...]:
-        """The events that a runner emits that is triggered and has this outcome, in order."""
+        """The events that a triggered runner emits for this outcome, in order."""
         events = EMITTED[outcome]
         if outcome is Outcome.NO_START and self.traits.refusals_hang:
             return ()
@@ -202,7 +203,7 @@ class Automaton:
     @cached_property
     @collecting_rarely()
     def inputs(self) -> tuple[tuple[Signal, ...], ...]:
-        """For each node the signals that lead to it, one per connection, in order of creation."""
+        """For each node its incoming signals, one per connection, in order of creation."""
         inputs: list[list[Signal]] = [[] for _ in self.nodes]
         for source, event, target in self.edges:
             inputs[target].append(Signal(source, event))
@@ -211,7 +212,7 @@ class Automaton:
     @cached_property
     @collecting_rarely()
     def outputs(self) -> dict[Signal, tuple[int, ...]]:
-        """For each signal with a connection the nodes that it leads to, in order of creation."""
+        """For each signal with a connection its target nodes, in order of creation."""
         outputs: dict[Signal, list[int]] = {}
         for source, event, target in self.edges:
             outputs.setdefault(Signal(source, event), []).append(target)
@@ -219,7 +220,7 @@ class Automaton:
 
     @cached_property
     def specified(self) -> frozenset[Signal]:
-        """The signals that lead anywhere: that trigger or stop a node."""
+        """The signals that have a connection, which triggers or stops a node."""
         return frozenset(Signal(edge[0], edge[1]) for edge in (*self.edges, *self.stops))
 
     @cached_property
@@ -233,11 +234,7 @@ class Automaton:
     @cached_property
     @collecting_rarely()
     def order(self) -> tuple[int, ...]:
-        """All nodes in topological order: each after those that its inputs come from.
-
-        The loops of ``traits.looping`` are no edges, so that there is no cycle; nor does an
-        automaton have one that stops nothing, unless it is a machine's.
-        """
+        """All nodes in topological order: each after the nodes of its inputs."""
         import networkx
 
         assert not self.stops, "only what triggers counts"
@@ -249,10 +246,7 @@ class Automaton:
 
     @cached_property
     def fingerprint(self) -> str:
-        """A SHA-256 of what the plan asks for: its elements and the parameters as they are written.
-
-        Layout, comments, labels and the order of attributes make no difference.
-        """
+        """A SHA-256 of the plan's content: its elements, with the parameters as written."""
         digest = hashlib.sha256()
         for element in self.plan.elements:
             parts = [
@@ -270,7 +264,7 @@ class Automaton:
         return digest.hexdigest()
 
     def to_dot(self) -> str:
-        """The automaton in Graphviz' language; the same bytes for the same plan."""
+        """The automaton in the language of Graphviz; the same bytes for the same plan."""
         from gpsfsm.model.drawing import automaton_to_dot
 
         return automaton_to_dot(self)

@@ -17,8 +17,8 @@ class Event(StrEnum):
 class Outcome(StrEnum):
     """The outcome that a scenario decides for one runner instance.
 
-    NO_START is FAILED without STARTED (fault model ``no-start``), HANG is neither SUCCEEDED nor
-    FAILED ever (fault model ``hang``). The order is the canonical one of counterexamples.
+    NO_START is FAILED without STARTED (fault model ``no-start``). HANG is neither SUCCEEDED nor
+    FAILED, ever (fault model ``hang``). The order is the canonical one of counterexamples.
     """
 
     SUCCEEDED = "SUCCEEDED"
@@ -39,8 +39,9 @@ EMITTED: dict[Outcome, tuple[Event, ...]] = {
 class End(StrEnum):
     """The end of a maximal run.
 
-    HANG and ABORT exist only on engines that have no give-up (docs/engines.md): the plan stays
-    running for ever, and the engine dies. ENDLESS exists only for machines with loops.
+    HANG and ABORT exist only on engines without a give-up (docs/engines.md): with HANG the plan
+    stays in the state running for ever, with ABORT the engine crashes. ENDLESS exists only for
+    machines with loops.
     """
 
     COMPLETED = "COMPLETED"

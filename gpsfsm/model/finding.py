@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from gpsfsm.late import dataclass
+from gpsfsm.model.showing import shown
 from gpsfsm.model.story import Sentence, Vocabulary
 
 if TYPE_CHECKING:
@@ -57,11 +58,11 @@ class TraceStep:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A counterexample: the decisions that matter; every outcome not listed is open.
+    """A counterexample: the decisions that matter; every outcome that is not listed is open.
 
-    ``outcomes`` are (element path, outcome) in document order; ``trace`` holds the events that are
-    causally needed for the claim, in causal order. Of more than 200 it holds the last 200, and
-    ``trace_truncated`` is true. ``sentences`` are the story of the run as data.
+    ``outcomes`` are (element path, outcome) in document order. ``trace`` holds the events that are
+    causally necessary for the claim, in causal order; if there are more than 200, only the last
+    200, and ``trace_truncated`` is true. ``sentences`` are the story of the run as data.
     """
 
     outcomes: tuple[tuple[str, Outcome], ...]
@@ -73,8 +74,13 @@ class Scenario:
 
     @property
     def story(self) -> tuple[str, ...]:
-        """The run in short sentences, as those who write reports show it."""
+        """The run in short sentences, as in reports."""
         return tuple(sentence.text(self.vocabulary) for sentence in self.sentences)
+
+    @property
+    def ending(self) -> str:
+        """The end of the run in words: ``the plan gives up``."""
+        return self.vocabulary.ending(self.ends)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +100,13 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding. ``rule`` is the code (GP302), ``name`` the kebab-case name of the rule.
+    """A finding. ``rule`` is the code of its rule (GP302), ``name`` the kebab-case name.
 
-    ``suppressed_by`` says what took it out of the report: ``comment``, ``option`` or ``baseline``;
-    it is empty for a finding that is shown. ``justification`` is the reason that a comment gives,
-    also where an option or a baseline hides the finding anyway.
-    ``unless`` is the code of a rule that may tell the same ("": none): where a finding of that rule
-    is shown that names the element of this one, this one is left out. No report writes it.
+    ``suppressed_by`` says what suppressed the finding: ``comment``, ``option`` or ``baseline``; it
+    is "" for a finding that is shown. ``justification`` is the reason given in a comment, even if
+    an option or a baseline already hides the finding. ``unless`` is the code of a rule that may
+    report the same problem ("": none): if a finding of that rule names the element of this one,
+    this one is omitted. Reports do not contain ``unless``.
     """
 
     rule: str
@@ -119,11 +125,23 @@ class Finding:
 
     @property
     def excused(self) -> bool:
-        """True if a comment in the plan says that it does not matter, which its author may say."""
+        """True if a comment in the plan excuses it; the plan's author can write such a comment."""
         return bool(self.justification)
+
+    def _repr_html_(self) -> str | None:
+        """Message, scenario and hint, for notebooks."""
+        return shown("finding_html", self)
+
+    def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
+        """The same as text, where nothing draws: IPython on a terminal."""
+        printer.text(str(self))
+
+    def __str__(self) -> str:
+        """The same for ``print``."""
+        return shown("finding_text", self) or repr(self)
 
     @property
     def elements(self) -> frozenset[str]:
-        """The element paths of its own place and of the related ones."""
+        """The element paths of its location and of the related locations."""
         places = (self.location, *(other.location for other in self.related))
         return frozenset(place.element for place in places)

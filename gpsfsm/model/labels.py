@@ -48,13 +48,23 @@ def drawn_nodes(automaton: Automaton) -> list[Node]:
 def node_label(automaton: Automaton, node: Node) -> tuple[str, ...]:
     """The lines of a node's label: a runner's name, its first parameters and its line.
 
-    Nodes of machines have names, which stand above.
+    Nodes of machines have names, which stand above. A node of a tree has the name of its action,
+    with the number of its use, as in ``MoveBase@2``.
     """
     lines = _label(automaton, node)
     if not is_machine(automaton) or node.kind not in (NodeKind.RUNNER, NodeKind.START):
         return lines
     name = clip(node_name(automaton, node), MAX_LABEL)
+    element = automaton.plan.elements[node.origin]
+    if _is_action(automaton, node) and element.interface not in (CHOICE, TICK):
+        _, at, use = name.partition("@")
+        return f"{lines[0]}{at}{use}", *lines[1:]
     return lines if name == lines[0] else (name, *lines)
+
+
+def _is_action(automaton: Automaton, node: Node) -> bool:
+    """True for a leaf of a behaviour tree."""
+    return automaton.plan.vocabulary is Vocabulary.TREE and node.kind is NodeKind.RUNNER
 
 
 def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
@@ -70,7 +80,10 @@ def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
         name = element.interface.rpartition("/")[2] or element.interface or "(no interface)"
         most = MAX_LABEL // _LABEL_PARAMETERS
         parameters = parameters_label(
-            element, most, _LABEL_PARAMETERS, named=not is_machine(automaton)
+            element,
+            most,
+            _LABEL_PARAMETERS,
+            named=not is_machine(automaton) or _is_action(automaton, node),
         )
         if element.interface == CHOICE:
             name, parameters = "choice", [brief(element.text("of") or "", MAX_LABEL)]

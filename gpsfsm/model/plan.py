@@ -61,10 +61,10 @@ class ControlType(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A place in a plan: line and column count from 1, in code points.
+    """A place in a plan; ``line`` and ``column`` count from 1, in code points.
 
-    ``element`` is the element path, ``/Plan/Control[1]/Runner[2]``, or "" where none applies.
-    ``file`` is "" for the file that was read, else the name of one that it includes.
+    ``element`` is the element path, such as ``/Plan/Control[1]/Runner[2]``, or "" if there is none.
+    ``file`` is "" for the main file, or the name of an included file.
     """
 
     line: int
@@ -74,12 +74,12 @@ class Location:
 
     @property
     def order(self) -> tuple[str, int, int]:
-        """The key by which places are sorted: first those in the file that was read."""
+        """The sort key of places; those in the main file come first."""
         return self.file, self.line, self.column
 
     @property
     def words(self) -> str:
-        """Its line, for people, and the file if that is an included one.
+        """The line, for people, with the name of the file if it is an included one.
 
         >>> Location(5, 1).words, Location(5, 1, file="arm.xml").words
         ('line 5', 'line 5 of arm.xml')
@@ -229,10 +229,10 @@ def on_shared_lines(elements: Sequence[Element]) -> list[bool]:
 
 @dataclass(frozen=True, slots=False, eq=False)
 class Plan:
-    """A plan: its elements in document order, the first being ``<Plan>``.
+    """A plan: its elements in document order, the first of which is ``<Plan>``.
 
-    ``dropped_completion`` is the completion runner that the plan named as its last child; it is
-    not among ``elements``.
+    ``dropped_completion`` is the completion runner that the plan named as its last child; it is not
+    among ``elements``.
     """
 
     file: str
@@ -258,7 +258,7 @@ class Plan:
         return "/" + "/".join(reversed(steps))
 
     def location(self, element: Element | int, attribute: Attribute | None = None) -> Location:
-        """The place of the start tag, or of an attribute in it, with the element path."""
+        """The place of an element's start tag, or of an attribute in it."""
         at = self.elements[element] if isinstance(element, int) else element
         written = attribute or at
         return Location(written.line, written.column, self.path(at), at.file)

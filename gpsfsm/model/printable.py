@@ -17,7 +17,7 @@ _JOINERS = frozenset("\u200c\u200d")
 
 
 def printable(text: str) -> str:
-    r"""Write every character that is not plain to see as an escape such as ``\x1b``.
+    r"""Escape every character that is not plainly visible, as in ``\x1b``.
 
     >>> printable("red: \x1b[31m")
     'red: \\x1b[31m'

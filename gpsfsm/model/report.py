@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Verdict(StrEnum):
-    """The verdict. ``rejected``: a finding of level error; ``undecided``: no answer."""
+    """The verdict on a plan. ``rejected``: it has an error; ``undecided``: there is no answer."""
 
     ACCEPTED = "accepted"
     REJECTED = "rejected"
@@ -105,11 +105,12 @@ class MachineFacts:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """The facts about a plan (semantics, sections 5 and 8); lists in document order.
+    """The facts about a plan (semantics, sections 5 and 8); lists are in document order.
 
-    ``engine`` is None for the paper's semantics, ``machine`` for what is a plan.
-    What a limit kept undecided is UNKNOWN, an empty list or None. Then the verdict is ``undecided``
-    and finding GP904 names it; without them, an empty list means that there is nothing of the kind.
+    ``makespan`` is in seconds, ``energy`` in joules. ``engine`` is None for the paper's semantics,
+    ``machine`` is None for a plan. A fact that a limit left undecided is UNKNOWN, an empty list or
+    None; then the verdict is ``undecided`` and finding GP904 names the fact. Otherwise an empty
+    list means that there is nothing of the kind.
     """
 
     runners: int
@@ -162,13 +163,17 @@ class Proof:
 
 @dataclass(frozen=True, slots=True)
 class PlanReport:
-    """The report of the check of one plan. ``source`` is the plan text where it could be read.
+    """The report on the check of one plan.
 
-    ``findings`` are what is shown; ``suppressed`` are findings that a comment, an option or a
-    baseline took out, as their ``suppressed_by`` says. ``notes`` say what was done to the text
-    before it was read (prose stripped from a model's answer, for instance). ``proof`` is what the
-    facts rest on; None without facts. ``machine``: the text was read as a machine. ``included``
-    are the texts of the files that it includes, by name.
+    - ``findings``: those that are shown.
+    - ``suppressed``: those that a comment, an option or a baseline suppressed, as their
+      ``suppressed_by`` states.
+    - ``source``: the text of the plan; None if it cannot be read.
+    - ``notes``: what was done to the text before parsing, such as removing prose from a model's
+      answer.
+    - ``proof``: the procedures that the facts rest on; None without facts.
+    - ``machine``: the text was parsed as a machine.
+    - ``included``: the texts of included files, by name.
     """
 
     path: str
@@ -183,16 +188,16 @@ class PlanReport:
     included: Mapping[str, str] = field(default_factory=dict)
 
     def file_of(self, location: Location) -> str:
-        """The path of the file in which a place is."""
+        """The path of the file that contains a place."""
         return location.file or self.path
 
     def text_of(self, location: Location) -> str:
-        """The text in which a place is; "" where it could not be read."""
+        """The text that contains a place; "" if it cannot be read."""
         return self.included.get(location.file, "") if location.file else self.source or ""
 
     @property
     def excused(self) -> list[Finding]:
-        """The findings that nothing but comments in the plan suppresses."""
+        """The findings that are suppressed only by comments in the plan."""
         return [finding for finding in self.suppressed if finding.suppressed_by == "comment"]
 
     def to_dict(self) -> dict[str, Any]:
@@ -203,6 +208,14 @@ class PlanReport:
     def _repr_html_(self) -> str | None:
         """Verdict, findings and picture, for notebooks."""
         return shown("plan_report_html", self)
+
+    def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
+        """The same as text, where nothing draws: IPython on a terminal."""
+        printer.text(str(self))
+
+    def __str__(self) -> str:
+        """The same for ``print``."""
+        return shown("plan_report_text", self) or repr(self)
 
 
 class Effect(StrEnum):
@@ -234,9 +247,9 @@ class SettingUsed:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The reports of all checked plans, in the order in which they were given.
+    """The reports on all checked plans, in the order in which the plans were given.
 
-    ``settings`` are those that take something away from them.
+    ``settings`` lists the settings that hide findings, narrow the check or excuse findings.
     """
 
     plans: tuple[PlanReport, ...] = field(default=())
@@ -253,16 +266,24 @@ class Report:
         return data
 
     def to_frame(self) -> Any:
-        """The findings as a pandas DataFrame, a row for each; UsageError without pandas."""
+        """The findings as a pandas DataFrame, one row each. Raises UsageError without pandas."""
         return as_data("report_frame", self)
 
     def _repr_html_(self) -> str | None:
         """All plans with their findings, for notebooks."""
         return shown("report_html", self)
 
+    def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
+        """The same as text, where nothing draws: IPython on a terminal."""
+        printer.text(str(self))
+
+    def __str__(self) -> str:
+        """The same for ``print``."""
+        return shown("report_text", self) or repr(self)
+
     @property
     def ok(self) -> bool:
-        """True iff every plan was checked and accepted. False is what a gate must refuse."""
+        """True if every plan was checked and accepted, and there was at least one."""
         return bool(self.plans) and all(plan.verdict is Verdict.ACCEPTED for plan in self.plans)
 
     def exit_code(
@@ -285,5 +306,5 @@ class Report:
 
     @property
     def excused(self) -> list[Finding]:
-        """The findings that nothing but comments in the plans suppresses."""
+        """The findings that are suppressed only by comments in the plans."""
         return [finding for plan in self.plans for finding in plan.excused]

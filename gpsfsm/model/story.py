@@ -16,7 +16,7 @@ from enum import Enum, StrEnum
 from typing import TYPE_CHECKING
 
 from gpsfsm.late import dataclass
-from gpsfsm.model.event import Event
+from gpsfsm.model.event import End, Event
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -50,14 +50,14 @@ class Terms:
     last_attempt: str = "last step of a recovery"
     unguarded: str = "nothing handles it"
     all_units: str = "all units of the parallel_any must fail"
-    inverted: str = "an Inverter makes a failure of it"
+    inverted: str = "an Inverter turns it into a failure"
     tolerate_hint: str = (
-        "the plan then gives up and a new one is generated; --tolerate N demands that no N "
-        "failures do that"
+        "the plan then gives up and a new one is generated; use --tolerate N to require that no N "
+        "failures end the plan"
     )
     tolerate_more: str = (
-        "put another way to the goal behind the runner that fails in the scenario; a step that "
-        "only logs or waits would hide the failure"
+        "add a recovery that reaches the goal in another way after the runner that fails in the "
+        "scenario; a step that only logs or waits would hide the failure"
     )
 
 
@@ -77,6 +77,11 @@ class Vocabulary(StrEnum):
         """The terms of this vocabulary."""
         return _TERMS[self]
 
+    def ending(self, end: End) -> str:
+        """The end of a run in words: ``the plan gives up``."""
+        verb = self.terms.gives_up if end is End.GAVE_UP else _VERBS[end]
+        return verb if end is End.ABORT else f"the {self.terms.whole} {verb}"
+
 
 _TERMS: Mapping[Vocabulary, Terms] = {
     Vocabulary.PLAN: PLAN_TERMS,
@@ -89,7 +94,7 @@ _TERMS: Mapping[Vocabulary, Terms] = {
         ends_it=("makes the tree fail", "make the tree fail"),
         last_attempt="last child of a Fallback or Retry",
         all_units="too many children of the Parallel must fail",
-        tolerate_hint="--tolerate N demands that no N failures make the tree fail",
+        tolerate_hint="use --tolerate N to require that no N failures make the tree fail",
         tolerate_more=(
             "put the node that fails in the scenario into a <Fallback> with another way to do it"
         ),
@@ -99,8 +104,8 @@ _TERMS: Mapping[Vocabulary, Terms] = {
         give_up="hang",
         ends_it=("hangs the plan", "hang the plan"),
         tolerate_hint=(
-            "this engine cannot give up: it waits for ever then; --tolerate N demands that no N "
-            "failures do that"
+            "this engine cannot give up and waits for ever; use --tolerate N to require that no N "
+            "failures hang the plan"
         ),
     ),
     Vocabulary.MACHINE: Terms(
@@ -108,10 +113,19 @@ _TERMS: Mapping[Vocabulary, Terms] = {
         ends_it=("ends the machine", "end the machine"),
         last_attempt="nothing handles it",
         tolerate_hint=(
-            "the machine then gives up; --tolerate N demands that no N failures do that"
+            "the machine then gives up; use --tolerate N to require that no N failures end it"
         ),
         tolerate_more="connect the failure in the scenario to another way to the goal",
     ),
+}
+
+
+_VERBS: Mapping[End, str] = {
+    End.COMPLETED: "completes",
+    End.STUCK: "gets stuck",
+    End.HANG: "hangs",
+    End.ABORT: "the engine crashes",
+    End.ENDLESS: "runs for ever",
 }
 
 
@@ -125,7 +139,7 @@ class Statement(Enum):
     # events of runners
     SUCCEEDS = "{0} succeeds"
     FAILS = "{0} fails"
-    DOES_NOT_START = "{0} does not start, and so fails"
+    DOES_NOT_START = "{0} does not start and therefore fails"
     NEVER_ENDS = "{0} starts and never ends"
     IS_RUNNING = "{0} is running"
     # what is left out
@@ -138,23 +152,23 @@ class Statement(Enum):
     CANNOT_SUCCEED = "{0} can no longer succeed"
     STUCK = "nothing more can happen: the {terms.whole} is stuck"
     UNHANDLED = "nothing handles that: the {terms.whole} {terms.gives_up}"
-    GOES_ON = "the rest of the {terms.whole} goes on without it"
-    RECOVERED = "the recovery has taken over"
+    GOES_ON = "the rest of the {terms.whole} continues without it"
+    RECOVERED = "the recovery takes over"
     NOT_COMPLETED = "the {terms.whole} does not complete"
-    SWALLOWED = "the {terms.whole} completes all the same"
+    SWALLOWED = "the {terms.whole} completes anyway"
     LEFT_RUNNING = "the {terms.whole} completes while {0} is still running"
-    UNFLUSHED = "the {terms.whole} completes, and no flush of '{0}' had to come after this prompt"
-    EMPTY_FLUSH = "nothing had to be in the buffer '{0}' when it was sent"
-    HELD_TWICE = "both hold the {0} at the same time"
+    UNFLUSHED = "the {terms.whole} completes, possibly without flushing '{0}' after this prompt"
+    EMPTY_FLUSH = "the buffer '{0}' may be empty when it is sent"
+    HELD_TWICE = "both use the {0} at the same time"
     COMPLETES_BY = "the {terms.whole} completes after up to {0} s"
-    COMPLETES_SOMETIME = "the {terms.whole} completes, but nobody knows when"
+    COMPLETES_SOMETIME = "the {terms.whole} completes, but nothing limits how long that takes"
     GIVES_UP_BY = "the {terms.whole} {terms.gives_up} after up to {0} s"
-    GIVES_UP_SOMETIME = "the {terms.whole} {terms.gives_up}, but nobody knows when"
-    TAKES_ENERGY = "that takes up to {0} J"
-    TAKES_ANY_ENERGY = "nobody knows how much energy that takes"
-    JOIN_LOOPS = "the join triggers itself: the engine dies"
-    SECOND_INPUT = "that is the second input of the join: the engine dies"
-    BEGINS_LOOP = "from here on, this is repeated for ever:"
+    GIVES_UP_SOMETIME = "the {terms.whole} {terms.gives_up}, but nothing limits how long that takes"
+    TAKES_ENERGY = "this run takes up to {0} J"
+    TAKES_ANY_ENERGY = "nothing limits the energy that this run takes"
+    JOIN_LOOPS = "the join triggers itself: the engine crashes"
+    SECOND_INPUT = "the join receives a second input: the engine crashes"
+    BEGINS_LOOP = "from here on, this repeats for ever:"
     FOR_EVER = "and so on: the {terms.whole} neither completes nor {terms.gives_up}"
     REMARK = "{0}"
 
@@ -162,6 +176,11 @@ class Statement(Enum):
     def event(self) -> Event | None:
         """The event of a runner that is stated; None for all others."""
         return _EVENTS.get(self)
+
+    @property
+    def at_once(self) -> bool:
+        """True if it holds as soon as the events before it; else it shows at the end of the run."""
+        return self in _AT_ONCE
 
     @property
     def arity(self) -> int:
@@ -176,6 +195,12 @@ _EVENTS: Mapping[Statement, Event] = {
     Statement.NEVER_ENDS: Event.STARTED,
     Statement.IS_RUNNING: Event.STARTED,
 }
+_AT_ONCE = frozenset(
+    {
+        *(Statement.CANNOT_SUCCEED, Statement.HELD_TWICE, Statement.EMPTY_FLUSH),
+        *(Statement.STEPS_LEFT_OUT, Statement.OUTCOMES_BEFORE, Statement.BEGINS_LOOP),
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,14 +217,16 @@ class Sentence:
 
     ``actors`` are the runner whose event is stated, or the first and the last of a row of runners
     of which the same is stated; ``count`` are those between them, or what is left out.
-    ``arguments`` are those of other statements. Raises ValueError where these do not fit the
-    statement, since stories also come from processes that have read hostile text.
+    ``arguments`` are those of other statements; ``element`` is the path of the control that one of
+    these is about. Raises ValueError where these do not fit the statement, since stories also come
+    from processes that have read hostile text.
     """
 
     statement: Statement
     actors: tuple[Actor, ...] = ()
     count: int = 0
     arguments: tuple[str, ...] = ()
+    element: str = ""
 
     def __post_init__(self) -> None:
         fits = (

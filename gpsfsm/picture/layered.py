@@ -10,6 +10,9 @@ round is drawn from its end back.
     edges 0→1, 1→2, 2→0, 0→2      turned round: 2→0
     layers {0}, {1}, {2}          0→2 and 2→0 pass the layer of 1 in places of their own
     route of 2→0                  from the top of 2, beside 1, to the bottom of 0
+
+A graph whose edges would need too many such places is no picture anybody reads; its long edges
+have none and are drawn straight, so that it takes seconds and not minutes.
 """
 
 from __future__ import annotations
@@ -37,6 +40,8 @@ _STRAIGHT = 4.0
 _PORTS = 0.6
 """The share of a node's side on which edges begin and end."""
 _LOOP = 16.0
+_MOST_PLACES = 60_000
+"""Places of long edges in a graph whose edges go round nodes: some two seconds, 2 MB of routes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +90,7 @@ class _Layering:
         self.bundles = bundles
         self.turned = _turned_edges(self.count, edges)
         self.layer = self._layers()
+        self.straight = self._passed() > _MOST_PLACES
         self.shared: dict[Hashable, int] = {}
         self.chains = [self._chain(number) for number in range(len(edges))]
         self.above: list[list[tuple[int, float]]] = [[] for _ in self.width]
@@ -142,6 +148,16 @@ class _Layering:
             layer[node] = min((layer[target] for target in graph[node]), default=1) - 1
         return layer
 
+    def _passed(self) -> int:
+        """The number of places that all edges would need in the layers that they pass."""
+        longest: dict[tuple[int, Hashable], int] = {}
+        for number, ends in enumerate(self.edges):
+            source, target = ends[::-1] if number in self.turned else ends
+            shared = target, self.bundles[number]
+            layers = self.layer[target] - self.layer[source] - 1
+            longest[shared] = max(layers, longest.get(shared, 0))
+        return sum(longest.values())
+
     def _chain(self, number: int) -> list[int]:
         """The places of an edge from above to below."""
         source, target = self.edges[number]
@@ -149,6 +165,8 @@ class _Layering:
             return []
         if number in self.turned:
             source, target = target, source
+        if self.straight:
+            return [source, target]
         chain = [source]
         for layer in range(self.layer[source] + 1, self.layer[target]):
             place = self.shared.setdefault((target, self.bundles[number], layer), len(self.width))

@@ -36,7 +36,7 @@ from gpsfsm.picture.layered import layered
 from gpsfsm.picture.shapes import Box, node_size, text_width
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.picture.routing import Point
@@ -431,9 +431,21 @@ class FlatLayout:
     edges: tuple[FlatEdge, ...]
 
 
-def flat_layout(automaton: Automaton) -> FlatLayout:
-    """Lay out a machine; the same for the same machine."""
-    return _Flat(automaton).laid_out()
+def draws_stops(automaton: Automaton) -> bool:
+    """True unless connections that stop their target are more than half as many as all others.
+
+    In a reactive tree nearly every condition stops nearly every action: drawn, these connections
+    hide what leads to what.
+    """
+    return 2 * len(automaton.stops) <= len(automaton.edges)
+
+
+def flat_layout(automaton: Automaton, *, stops: bool = True) -> FlatLayout:
+    """Lay out a machine; the same for the same machine.
+
+    ``stops``: with the connections that stop their target.
+    """
+    return _Flat(automaton).laid_out((False, True) if stops else (False,))
 
 
 class _Flat:
@@ -456,9 +468,9 @@ class _Flat:
         self.weights.append(weight)
         return len(self.pairs) - 1
 
-    def laid_out(self) -> FlatLayout:
+    def laid_out(self, actions: Iterable[bool]) -> FlatLayout:
         automaton = self.automaton
-        arrows = [(edge, stops) for stops in (False, True) for edge in self._edges(stops)]
+        arrows = [(edge, stops) for stops in actions for edge in self._edges(stops)]
         rows = [(*edge, stops, self._lines(*edge, stops)) for edge, stops in arrows]
         circles = {self.place[node.index] for node in automaton.nodes if node.kind is NodeKind.JOIN}
         graph = layered(self.sizes, self.pairs, weights=self.weights, circles=circles)

@@ -28,6 +28,8 @@ _SMALL = 0.85
 _PLAIN = 7.3
 _NARROW = 4.2
 _WIDE = 12.5
+_BROAD = {"=": 10.1, "+": 10.1, "…": 12.0, "m": 11.7, "w": 9.9, "M": 10.4, "W": 11.9, "@": 12.0}
+"""Characters of Latin text that are wider than most."""
 
 
 class Box(NamedTuple):
@@ -61,8 +63,10 @@ def text_width(text: str) -> float:
 
 @lru_cache(maxsize=4096)
 def _width(character: str) -> float:
-    if character in "ijl.,:;'|!()[]{}/ tfrI":
+    if character in "ijl.,:;'|!()[]/ tfrI":
         return _NARROW
+    if character in _BROAD:
+        return _BROAD[character]
     slim = character.isascii() or unicodedata.east_asian_width(character) not in ("W", "F")
     return _PLAIN if slim else _WIDE
 
@@ -75,7 +79,7 @@ def shorten(text: str, most: float) -> str:
     for place, character in enumerate(text):
         width += _width(character)
         if width > most:
-            return text[:place].rstrip() + "…"
+            return text[:place].rstrip(" ,…") + "…"
     return text
 
 

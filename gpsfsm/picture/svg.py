@@ -7,24 +7,31 @@ The style sheet stands at the end: its colours are custom properties, which a pa
 
 from __future__ import annotations
 
+from html import escape
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import escape  # only writes
 
 from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.drawing import STOPS
 from gpsfsm.model.event import Event
 from gpsfsm.model.labels import control_label, is_machine, node_label
 from gpsfsm.picture.cells import failing_joins
-from gpsfsm.picture.layout import FlatEdge, Group, Layout, flat_layout, layout
+from gpsfsm.picture.layout import FlatEdge, Group, Layout, draws_stops, flat_layout, layout
 from gpsfsm.picture.routing import Merging, Point, Router, dangling, event_port
-from gpsfsm.picture.shapes import LINE, Box, node_lines
+from gpsfsm.picture.shapes import LINE, Box, node_lines, text_width
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.model.automaton import Automaton, Node
 
 _CORNER = 6.0
+_LEAST = 8.0
+"""The room left of a flag."""
 _END = 4.0
+_CAPTION = 11 / 12
+"""The size of the letters of a caption by that of others."""
+_NOTE, _NOTE_GAP = 24.0, 8.0
+"""The height of the note below a picture, and the room around it."""
 _WORDS = {
     Event.SUCCEEDED: "ok",
     Event.FAILED: "bad",
@@ -34,21 +41,37 @@ _WORDS = {
 _ARROWS = ("ok", "bad", "begun", "halted")
 
 
-def automaton_to_svg(automaton: Automaton) -> str:
-    """Draw an automaton; the same bytes for the same plan."""
-    return "\n".join(_Drawing(automaton).lines()) + "\n"
+def automaton_to_svg(
+    automaton: Automaton, marks: Mapping[int, str] | None = None, *, all_stops: bool = False
+) -> str:
+    """Draw an automaton; the same bytes for the same plan.
+
+    ``marks`` are remarks by node, such as the rule of a finding: the node gets a ring and the text.
+    Connections of a machine that stop their target are left out where they are many,
+    except with ``all_stops``: a note below the picture counts them, and the tooltip of each node
+    lists its own.
+    """
+    return "\n".join(_Drawing(automaton, marks or {}, all_stops=all_stops).lines()) + "\n"
 
 
 class _Drawing:
-    def __init__(self, automaton: Automaton) -> None:
+    def __init__(self, automaton: Automaton, marks: Mapping[int, str], *, all_stops: bool) -> None:
         self.automaton = automaton
-        self.flat = flat_layout(automaton) if is_machine(automaton) else None
+        self.marks = marks
+        self.stops = all_stops or draws_stops(automaton)
+        self.flat = flat_layout(automaton, stops=self.stops) if is_machine(automaton) else None
         self.layout: Layout = self.flat.layout if self.flat else layout(automaton)
+        self.hidden_stops = {} if self.stops else _stop_words(automaton)
         self.failing = failing_joins(automaton)
         self.stub = 42.0 if automaton.traits.gives_up else 82.0  # as long as what is written
 
     def lines(self) -> Iterator[str]:
-        width, height = (_number(side) for side in self.layout.size)
+        least = min((flag.x for _, flag, _ in self._flags()), default=_LEAST) - _LEAST
+        size_x, size_y = self.layout.size
+        left = min(0.0, least)  # flags may need room on the left
+        note = "" if self.stops else _left_out(len(self.automaton.stops))
+        width = _number(max(size_x - left, text_width(note) + 2 * _NOTE_GAP if note else 0.0))
+        height = _number(size_y + (_NOTE if note else 0.0))
         runners = len(self.automaton.runners)
         whole = self.automaton.plan.vocabulary.terms.whole if self.flat else "plan"
         title = (
@@ -56,10 +79,11 @@ class _Drawing:
         )
         yield (
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
-            f'viewBox="0 0 {width} {height}" role="img" class="gpsfsm-picture">'
+            f'viewBox="{_number(left)} 0 {width} {height}" role="img" class="gpsfsm-picture">'
         )
         yield f"<title>{title}</title>"
-        yield f"<style>{STYLE}{_MACHINE_STYLE if self.flat else ''}</style>"
+        more = (_MACHINE_STYLE if self.flat else "") + (_MARK_STYLE if self.marks else "")
+        yield f"<style>{STYLE}{more}</style>"
         yield "<defs>"
         for name in _ARROWS:
             yield (
@@ -67,10 +91,11 @@ class _Drawing:
                 f'markerWidth="7" markerHeight="7" orient="auto"><path class="head {name}" '
                 'd="M0 1L10 5L0 9z"/></marker>'
             )
-        if self.flat:
+        if self.flat and self.stops:
             yield _BAR
         yield "</defs>"
-        yield f'<rect class="background" width="{width}" height="{height}"/>'
+        place = f'x="{_number(left)}" ' if left else ""
+        yield f'<rect class="background" {place}width="{width}" height="{height}"/>'
         for group in self.layout.groups:
             yield self._border(group)
         yield from self._edges() if self.flat is None else self._connections(self.flat.edges)
@@ -79,6 +104,10 @@ class _Drawing:
         for node in self.automaton.nodes:
             if self.layout.nodes[node.index].width:
                 yield from self._node(node)
+        yield from self._marks()
+        if note:
+            place = f'x="{_number(left + _NOTE_GAP)}" y="{_number(size_y + _NOTE_GAP)}"'
+            yield f'<text class="note" {place}>{_text(note)}</text>'
         yield "</svg>"
 
     # -- controls and nodes ----------------------------------------------------------------------
@@ -90,7 +119,7 @@ class _Drawing:
         element = self.automaton.plan.elements[group.element]
         return (
             f'<g>{_title(control_label(element))}<text class="caption" '
-            f'x="{_number(group.box.x + 10)}" y="{_number(group.box.y + 17)}">'
+            f'x="{_number(_caption_at(group))}" y="{_number(group.box.y + 17)}">'
             f"{_text(group.label)}</text></g>"
         )
 
@@ -111,6 +140,22 @@ class _Drawing:
         yield from self._lines(node, box)
         yield "</g>"
 
+    def _flags(self) -> Iterator[tuple[Box, Box, str]]:
+        """For each mark the ring around its node, the flag left of it, and the remark on that."""
+        for index, remark in self.marks.items():
+            x, y, width, height = self.layout.nodes[index]
+            ring = Box(x - 4, y - 4, width + 8, height + 8)
+            wide = text_width(remark) * 1.15 + 16  # it is bold
+            yield ring, Box(ring.x - wide - 4, ring.middle[1] - 10, wide, 20), remark
+
+    def _marks(self) -> Iterator[str]:
+        for ring, flag, remark in self._flags():
+            radius = _number(8 if ring.width > ring.height else ring.height / 2)
+            x, y = map(_number, flag.middle)
+            yield f'<rect class="ring" {_corners(ring)} rx="{radius}"/>'
+            yield f'<rect class="flag" {_corners(flag)} rx="4"/>'
+            yield f'<text class="remark" x="{x}" y="{y}" dy="4">{_text(remark)}</text>'
+
     def _lines(self, node: Node, box: Box) -> Iterator[str]:
         lines = node_lines(self.automaton, node)
         step = LINE * 0.85 if node.kind is NodeKind.JOIN else LINE
@@ -123,10 +168,10 @@ class _Drawing:
 
     def _tooltip(self, node: Node) -> str:
         """The text that a browser shows when the pointer rests on a node."""
-        words = " · ".join(node_label(self.automaton, node))
+        words = [*node_label(self.automaton, node)]
         if node.kind is NodeKind.RUNNER:
-            return f"{words} · {self.automaton.name(node.index)}"
-        return words
+            words.append(self.automaton.name(node.index))
+        return " · ".join([*words, *self.hidden_stops.get(node.index, ())])
 
     # -- edges -----------------------------------------------------------------------------------
 
@@ -222,6 +267,41 @@ _BAR = (
 """The end of a connection that stops what it leads to."""
 
 
+def _caption_at(group: Group) -> float:
+    """The left end of a caption: behind the line into its group where that would cross it.
+
+    It stays at the left border if there is no room for it behind the line. A recovery is entered
+    from its side.
+    """
+    start, wide = group.box.x + 10, text_width(group.label) * _CAPTION
+    above = not group.label.startswith("recovery")
+    crossed = above and start - _LEAST < group.spine < start + wide
+    behind = group.spine + _LEAST
+    return behind if crossed and behind + wide < group.box.right else start
+
+
+_MOST_NAMES = 8
+"""Names of stopped nodes in a tooltip."""
+
+
+def _stop_words(automaton: Automaton) -> dict[int, list[str]]:
+    """Per node what its events stop: ``FAILED stops DriveOn, Look and 3 more``."""
+    targets: dict[tuple[int, Event], list[int]] = {}
+    for source, event, target in automaton.stops:
+        targets.setdefault((source, event), []).append(target)
+    words: dict[int, list[str]] = {}
+    for (source, event), ends in targets.items():
+        names = [node_label(automaton, automaton.nodes[end])[0] for end in ends[:_MOST_NAMES]]
+        more = f" and {len(ends) - _MOST_NAMES} more" if len(ends) > _MOST_NAMES else ""
+        words.setdefault(source, []).append(f"{event.value}{STOPS} {', '.join(names)}{more}")
+    return words
+
+
+def _left_out(stops: int) -> str:
+    """The note below a picture without the connections that stop a node."""
+    return f"Not drawn: {stops:,} connections that stop a node."
+
+
 def _path(points: Sequence[Point]) -> str:
     """A line with round corners."""
     parts = [f"M{_number(points[0][0])} {_number(points[0][1])}"]
@@ -265,7 +345,7 @@ def _title(text: str) -> str:
 
 def _text(text: str) -> str:
     """Text that is printable already; what XML has no way to say cannot be in it."""
-    return escape(text)
+    return escape(text, quote=False)
 
 
 _FONT = "ui-sans-serif,system-ui,'DejaVu Sans',Helvetica,Arial,sans-serif"
@@ -309,7 +389,7 @@ _RULES = f"""\
 .gpsfsm-picture text{{fill:var(--text);paint-order:stroke;stroke-linejoin:round}}
 .gpsfsm-picture .name,.gpsfsm-picture .detail{{text-anchor:middle}}
 .gpsfsm-picture .name{{font-weight:600}}
-.gpsfsm-picture .detail{{fill:var(--soft)}}
+.gpsfsm-picture .detail,.gpsfsm-picture .note{{fill:var(--soft)}}
 .gpsfsm-picture .join .name,.gpsfsm-picture .join .detail{{font-size:10px;font-weight:400}}
 .gpsfsm-picture .caption{{fill:var(--soft);font-size:11px;stroke:var(--paper);stroke-width:3px}}
 .gpsfsm-picture .group{{stroke:var(--border);stroke-width:1}}
@@ -362,8 +442,22 @@ _MACHINE_STYLE = "\n".join(
         f"@media (prefers-color-scheme:dark){{{_variables({'stop': '#ab7df8'})}}}",
         ".gpsfsm-picture .edge.stop{stroke-dasharray:8 2 2 2}",
         ".gpsfsm-picture .named{text-anchor:middle}",
+        ".gpsfsm-picture .note{fill:var(--soft);font-size:11px}",
         _kinds(("stop",)),
         "",
     )
 )
 """What only pictures of machines have: connections that stop."""
+
+_MARK_DARK = _variables({"mark": "#f0883e", "on-mark": "#0d1117"})
+_MARK_STYLE = "\n".join(
+    (
+        _variables({"mark": "#bc4c00", "on-mark": "#ffffff"}),
+        f"@media (prefers-color-scheme:dark){{{_MARK_DARK}}}",
+        ".gpsfsm-picture .ring{fill:none;stroke:var(--mark);stroke-width:3}",
+        ".gpsfsm-picture .flag{fill:var(--mark)}",
+        ".gpsfsm-picture .remark{fill:var(--on-mark);font-weight:600;text-anchor:middle}",
+        "",
+    )
+)
+"""What only pictures with marks have."""

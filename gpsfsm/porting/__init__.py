@@ -1,4 +1,4 @@
-"""Plans rewritten so that an original engine does with them what the paper says (docs/port.md)."""
+"""Plans rewritten so that an original engine runs them as the paper specifies (docs/port.md)."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""The tree of units → steps that an engine runs one after the other, and what is lost thereby.
+"""The tree of units → steps that an engine runs one after the other, and the losses.
 
-What the engines do as the paper says is a sequence of steps, each a runner with further runners
-that are tried one after the other when it fails. Controls that change nothing are seen through;
-where a unit is none of that, its loss is told, and it is read in the closest way that does nothing
-that the paper does not do: units beside each other come one after the other, and a recovery that
-the engine cannot start is left out, so that the plan stops there.
+The engines run a sequence of steps as the paper specifies, each a runner with further runners that
+are tried one after the other when it fails. Controls without an effect are ignored. For any other
+unit, the loss is recorded, and the unit is read in the closest form that does nothing that the
+paper does not do: parallel units are put in sequence, and a recovery that the engine cannot start
+is removed, so that the plan stops there.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ class Form:
         self.dropped += other.dropped
 
 
-_EMPTY = "it holds nothing that is run"
-_DEAD = "nothing stands before it that could fail, so it is never triggered"
-_NEVER = "what it guards never fails, so it is never triggered"
+_EMPTY = "it runs nothing"
+_DEAD = "nothing before it can fail, so it is never triggered"
+_NEVER = "the step that it guards never fails, so it is never triggered"
 
 
 def form_of(plan: Plan) -> tuple[Form, Units]:

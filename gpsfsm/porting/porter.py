@@ -1,6 +1,6 @@
-"""Port a plan: the smallest change of its text for which a proof is found.
+"""Port a plan: the smallest change of its text for which gpsfsm finds a proof.
 
-The proof is that the text does on the engine what the plan means: decided, none of it believed.
+The proof shows that the engine runs the text as the paper specifies for the plan.
 """
 
 from __future__ import annotations
@@ -55,21 +55,24 @@ def port(
     limits: Limits = DEFAULT_LIMITS,
     unsafe: bool = False,
 ) -> Ported:
-    """Rewrite a plan so that the engine does with it what the paper says of it.
+    """Rewrite a plan so that the engine runs it as the paper specifies.
 
-    What is returned was proved: the new text does the same by the paper, and on the engine what the
-    paper says, whatever the outcomes. A text that needs no change is returned as it is. ``unsafe``:
-    where there is no such text, the closest one, with what it changes.
+    The result is proved for all outcomes: the new text has the same behaviour in the paper's
+    semantics, and the engine runs it as the paper specifies. A text that needs no change is
+    returned as it is. If no such text exists, ``unsafe`` returns the closest one, with what it
+    changes.
 
     Raises UsageError for an unknown engine; UnclearError (a GpsfsmError) for a text with errors
-    that are not mended; GpsfsmError where it is not decided within the limits.
+    that gpsfsm cannot fix safely; GpsfsmError if gpsfsm cannot decide within the limits.
 
     >>> plan = '<Plan><Control type="sequential"/><Runner interface="Go" provider="Go"/></Plan>'
     >>> port(plan, "fabric-v2").text
     '<Plan><Runner interface="Go" provider="Go"/></Plan>'
     """
     if engine not in TARGETS:
-        raise UsageError(f"plans are not ported to '{engine}', but to {' or '.join(TARGETS)}")
+        raise UsageError(
+            f"plans cannot be ported to '{engine}'; the targets are {', '.join(TARGETS)}"
+        )
     described = in_dialect(capabilities or builtin_capabilities(), engine)
     source = read(text, file, limits, described)
     return _Porting(text, source, engine, described, file, limits, unsafe).run()
@@ -104,7 +107,7 @@ class _Porting:
             draft = Draft(respelled.text, draft.runners)
             proof = self._prove(draft.text)
         if not proof.runs or not (proof.same or self.losses):
-            raise InternalError(f"the plan that was ported is not proved: {_unproved(proof)}")
+            raise InternalError(f"the ported plan has no proof: {_unproved(proof)}")
         self.notes += altered(draft, proof, source, self.engine)
         return self._result(draft, proof, changed=not right)
 
@@ -135,14 +138,14 @@ class _Porting:
         proof = self._prove(draft.text)
         if proof.undecided:
             raise GpsfsmError(
-                f"{self.file}: a limit of steps was reached before it was decided: "
+                f"{self.file}: a step limit was reached before gpsfsm could decide "
                 f"{', '.join(proof.undecided)}"
             )
         if proof.refusal:
             self.losses.append(self._refused(draft, proof))
             return draft, proof
         if not proof.runs_but_for_types or not (proof.same or form.lost):
-            raise InternalError(f"the plan that was ported is not proved: {_unproved(proof)}")
+            raise InternalError(f"the ported plan has no proof: {_unproved(proof)}")
         self._note_structure(form, draft)
         if not proof.same:
             self.losses += losses_of(plan, form.lost, source.place, self.engine)
@@ -161,23 +164,23 @@ class _Porting:
         """Say what became of controls, and of a completion runner."""
         plan = self.source.plan
         messages = [
-            (plan.elements[dropped.element], f"is left out: {dropped.why}")
+            (plan.elements[dropped.element], f"is removed: {dropped.why}")
             for dropped in form.dropped
         ]
         lost = {each.element for each in form.lost}
         for index in draft.dissolved:
             element = plan.elements[index]
             if element.control_type is ControlType.RECOVERY:
-                messages.append((element, "is one with the recovery before it"))
+                messages.append((element, "is merged with the recovery before it"))
             elif index not in lost:
-                messages.append((element, "is left out, and what it holds stays"))
+                messages.append((element, "is removed; its content stays"))
         self.notes += (
             Note(*self.source.place(element), f"this {element.words} {what}")
             for element, what in messages
         )
         completion = plan.dropped_completion
         if completion is not None:
-            what = f"the completion runner is left out: {self.engine} appends one of its own"
+            what = f"the completion runner is removed: {self.engine} appends its own"
             self.notes.append(Note(*self.source.place(completion), what))
 
     def _change(self, proof: Proof) -> Change:
@@ -206,7 +209,7 @@ def _unproved(proof: Proof) -> str:
         return proof.errors[0].message
     if not proof.readable:
         return "its text has errors"
-    return "it does not do the same" if proof.faithful else "the engine does something else"
+    return "its behaviour differs" if proof.faithful else "it behaves differently on the engine"
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,7 +294,7 @@ def prove(
     findings = tuple(finding for finding in on_engine.findings if finding.rule.startswith(_FAMILY))
     undecided += on_engine.undecided
     if on_engine.contexts is None:
-        undecided.append("anything: what is declared of the runners admits no scenario")
+        undecided.append("anything, because the declared effects of the runners admit no scenario")
     names = tuple(dict.fromkeys(undecided))
     return Proof(reading, readable, same, faithful=True, findings=findings, undecided=names)
 
@@ -308,9 +311,9 @@ def _compared(reading: EngineReading) -> Compared:
 
 def _refused(reading: EngineText, readable: bool) -> Proof:
     """The engine does not take the text."""
-    what = "dies on" if isinstance(reading.result, Crashed) else "rejects"
+    what = "crashes on" if isinstance(reading.result, Crashed) else "rejects"
     assert isinstance(reading.result, Crashed | Rejected)
-    refusal = f"{reading.engine} {what} the plan however it is written: {reading.result.reason}"
+    refusal = f"{reading.engine} {what} the plan in any form: {reading.result.reason}"
     return Proof(
         None,
         readable,

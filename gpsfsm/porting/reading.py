@@ -1,4 +1,4 @@
-"""The text of a plan that is to be ported, mended where that is safe."""
+"""The text of a plan to port, fixed where that is safe."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _TAGS = frozenset(kind.value for kind in Kind)
 
 
 class UnclearError(GpsfsmError):
-    """The text has errors that are not mended; ``parsed`` knows them."""
+    """The text has errors that gpsfsm cannot fix safely; ``parsed`` lists them."""
 
     def __init__(self, parsed: Parsed) -> None:
         super().__init__(
-            f"{parsed.file}: the text has errors; it is not clear what the plan does. Mend it "
+            f"{parsed.file}: the text has errors, so the plan is ambiguous; fix them "
             "first ('gpsfsm fix --unsafe-fixes' may help)"
         )
         self.parsed = parsed
@@ -43,7 +43,7 @@ class UnclearError(GpsfsmError):
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """``original`` is the decoded text as given, ``text`` the same without errors."""
+    """``original`` is the decoded input, ``text`` the same without errors."""
 
     original: str
     text: str
@@ -58,10 +58,10 @@ class Source:
 
 
 def read(data: bytes | str, file: str, limits: Limits, capabilities: Capabilities) -> Source:
-    """Read a plan and mend its text. Raises UnclearError, or GpsfsmError for what is no plan."""
+    """Read a plan and fix its text. Raises UnclearError, or GpsfsmError for what is no plan."""
     parsed = read_plan(data, file=file, limits=limits)
     if parsed.trees:
-        raise GpsfsmError(f"{file}: this is a behaviour tree; only plans are ported")
+        raise GpsfsmError(f"{file}: this is a behaviour tree; only plans can be ported")
     original = parsed.text
     notes: tuple[Note, ...] = ()
     if _faulty(parsed) and not parsed.over_limit:
@@ -71,7 +71,7 @@ def read(data: bytes | str, file: str, limits: Limits, capabilities: Capabilitie
     plan, text = parsed.plan, parsed.text
     tokens = _tokens(text, limits)
     places = {} if text == original else _places(original, tokens, plan, limits)
-    message = "what this runner holds is left out: the engines read over it"
+    message = "the content of this runner is removed: the engines ignore it"
     held = {each.location.element for each in parsed.problems if each.rule == _CONTENT}
     for runner in plan.runners if held else ():
         if plan.path(runner) in held:
@@ -90,7 +90,7 @@ def _faulty(parsed: Parsed) -> bool:
 def _mended(
     data: bytes | str, parsed: Parsed, limits: Limits, capabilities: Capabilities
 ) -> tuple[Parsed, tuple[Note, ...]]:
-    """The text after the safe fixes of what is wrong with it as a text."""
+    """The text after the safe fixes of its syntax."""
     rules = frozenset(each.code for each in all_rules() if each.code.startswith("GP1"))
     options = CheckOptions(
         limits=limits, selection=Selection(rules), capabilities=capabilities, trees=False

@@ -1,4 +1,4 @@
-"""Values that an engine reads as another type: written so that it does not (GP708, GP709)."""
+"""Values that an engine reads as another type, spelt so that it does not (GP708, GP709)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MOST = 60
 
 @dataclass(slots=True)
 class Respelled:
-    """The text with other spellings; ``losses`` are those that change a value, or do not exist."""
+    """The text with other spellings; ``losses``: values that change, or have no other spelling."""
 
     text: str
     notes: list[Note] = field(default_factory=list)
@@ -55,7 +55,7 @@ class _Place(NamedTuple):
 
 
 def respell(draft: Draft, proof: Proof, source: Source, engine: str, limits: Limits) -> Respelled:
-    """Write the values that kill runners so that they do not."""
+    """Spell the values that kill runners so that they do not."""
     result = Respelled(draft.text)
     reading = proof.reading
     if reading is None or not any(each.rule == _TYPES for each in proof.findings):
@@ -77,21 +77,23 @@ def respell(draft: Draft, proof: Proof, source: Source, engine: str, limits: Lim
                 written = written.replace("'", "&apos;")
             edits.append(Edit(raw.value_start, raw.value_end, written))
         if new is not None and new.safe:
-            note = f'{before} is written {name}="{clip(new.text, _MOST)}", which {engine} reads as '
+            note = (
+                f'{before} is changed to {name}="{clip(new.text, _MOST)}", which {engine} reads as '
+            )
             result.notes.append(Note(place.line, place.column, note + _WORDS[declared.type]))
         else:
-            lost = f"{engine} does not read {before} as {_WORDS[declared.type]}, and dies at it"
+            lost = f"{engine} does not read {before} as {_WORDS[declared.type]}, and crashes on it"
             result.losses.append(Loss(place.line, place.column, lost, _instead(name, new)))
     result.text = apply_edits(draft.text, edits)
     return result
 
 
 def _instead(name: str, new: Spelling | None) -> str:
-    return "" if new is None else f'{name}="{clip(new.text, _MOST)}", which is another value'
+    return "" if new is None else f'{name}="{clip(new.text, _MOST)}", which is a different value'
 
 
 def altered(draft: Draft, proof: Proof, source: Source, engine: str) -> Iterator[Note]:
-    """Of which values the engine makes others: that cannot be mended."""
+    """Notes on the values that the engine changes, which no spelling can prevent."""
     if proof.reading is None:
         return
     for place in _places(proof.reading, proof.findings, _ALTERED, draft, source):
@@ -102,8 +104,8 @@ def altered(draft: Draft, proof: Proof, source: Source, engine: str) -> Iterator
         yield Note(
             place.line,
             place.column,
-            f'{engine} makes {passed} of {name}="{clip(place.attribute.text, _MOST)}"; that cannot '
-            "be mended",
+            f'{engine} reads {name}="{clip(place.attribute.text, _MOST)}" as {passed}; this cannot '
+            "be fixed",
         )
 
 

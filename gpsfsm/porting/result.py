@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Element, Plan
 
 _PARALLEL = {
-    FABRIC_V1: "fabric-v1 starts them beside the runner before them, whose success it counts too",
+    FABRIC_V1: "fabric-v1 starts them with the runner before them and counts its success too",
     **{
-        engine: f"{engine} starts a unit with the STARTED of the runner before it, which hardly "
+        engine: f"{engine} starts a unit on STARTED from the runner before it, which hardly "
         "any runner emits"
         for engine in (FABRIC_V2, FABRIC_V3)
     },
@@ -38,9 +38,9 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """A part of the plan that the engine cannot do as the paper says.
+    """A part of the plan that the engine cannot run as the paper specifies.
 
-    ``lost`` says what and why, ``instead`` what the unsafe reading does ("": there is none).
+    ``lost`` describes it and the reason; ``instead`` is what the unsafe plan does ("": none).
     """
 
     line: int
@@ -53,8 +53,8 @@ class Loss:
 class Change:
     """The change of behaviour by the unsafe text, with the plans that show it.
 
-    ``difference`` is None where it does the same in every scenario that was looked at within the
-    limits (``decided`` False), or in all of them.
+    ``difference`` is None if the behaviour is the same in all scenarios, or, with ``decided``
+    False, in all those that gpsfsm searched within the limits.
     """
 
     original: Plan
@@ -72,10 +72,10 @@ class Change:
 class Ported:
     """The result of porting a text.
 
-    ``original`` is the decoded text as it was given, ``text`` the one for the engine: proved, or
-    None where the engine cannot do what the plan says. With ``losses`` it is the unsafe reading,
-    and ``change`` says what that changes. ``changed``: the text is another one, or has to be
-    written in another encoding, which is UTF-8.
+    ``original`` is the decoded input. ``text`` is the proved text for the engine, None if the
+    engine cannot run the plan as the paper specifies. With ``losses``, ``text`` is the closest
+    plan, and ``change`` describes how it differs. ``changed``: the text differs from the input, or
+    must be written in another encoding (UTF-8).
     """
 
     original: str
@@ -86,7 +86,7 @@ class Ported:
     changed: bool = False
 
     def to_dict(self) -> dict[str, Any]:
-        """The result for programs: the text, what is lost, and a scenario that shows it."""
+        """The result as data: the text, the losses, and a scenario that shows them."""
         return {
             "text": self.text,
             "changed": self.changed,
@@ -121,52 +121,52 @@ class Lost(NamedTuple):
 
 _LOST = {
     Reason.ALL: (
-        "{steps} steps run at the same time, and the first failure is enough; {parallel}, and it "
-        "goes on waiting when one has failed",
-        "one after the other: each step begins when the one before it has succeeded",
+        "{steps} steps run at the same time, and the first failure is enough; {parallel}, and "
+        "continues to wait after a unit has failed",
+        "the steps run in sequence, each after the one before it has succeeded",
     ),
     Reason.ANY: (
-        "{steps} steps run at the same time, and the first success is enough; {parallel}, and it "
-        "dies at the second success",
-        "one after the other: each step begins when the one before it has failed",
+        "{steps} steps run at the same time, and the first success is enough; {parallel}, and "
+        "crashes at the second success",
+        "the steps run in sequence, each after the one before it has failed",
     ),
     Reason.BACKGROUND: (
-        "the plan goes on at once, and what is in this control runs beside all that follows; "
-        "{parallel}",
-        "the plan waits for it, and stops if it fails",
+        "the plan continues at once, and the content of this control runs in parallel with all "
+        "that follows; {parallel}",
+        "the plan waits for the content, and stops if it fails",
     ),
     Reason.ALTERNATIVE_ROW: (
-        "{steps} steps are an alternative to others; {engine} starts an alternative for the "
-        "failure of one runner only",
-        "the other alternatives stand in for the last of these steps only; if an earlier one "
-        "fails, the plan stops",
+        "{steps} steps in sequence are one alternative; {engine} starts the next alternative only "
+        "for the failure of a single runner",
+        "the other alternatives replace only the last of these steps; if an earlier one fails, "
+        "the plan stops",
     ),
     Reason.GUARDS_ROW: (
-        "it guards {steps} steps that come one after the other; on {engine} a recovery guards the "
-        "one runner before it",
-        "it guards the last of these steps only; if an earlier one fails, the plan stops",
+        "it guards {steps} steps in sequence; on {engine} a recovery guards only the one runner "
+        "before it",
+        "it guards only the last of these steps; if an earlier one fails, the plan stops",
     ),
     Reason.ROW_IN_RECOVERY: (
-        "after a failure {steps} steps are to run one after the other; {engine} runs each runner "
-        "of a recovery when the one before it has failed",
-        "they and all behind them are left out of the recovery; where they would begin, the plan "
-        "stops",
+        "after a failure, {steps} steps run in sequence; {engine} runs each further runner of a "
+        "recovery only when the one before it has failed",
+        "they and everything after them in the recovery are removed; where they would begin, the "
+        "plan stops",
     ),
     Reason.IGNORES_FAILURE: (
-        "the plan goes on after a failure although nothing is run instead; on {engine} only a "
-        "runner that succeeds goes on",
-        "if that step fails, the plan stops",
+        "the plan continues after a failure without running anything instead; {engine} continues "
+        "only after a success",
+        "it is removed; if the step that it guards fails, the plan stops",
     ),
     Reason.BEHIND_LEFT_OUT: (
-        "it begins when steps have failed that {engine} cannot run",
-        "it is left out as well: where it would begin, the plan stops",
+        "it runs after the failure of steps that {engine} cannot run",
+        "it is removed as well; where it would begin, the plan stops",
     ),
     Reason.GUARDS_BEFORE_LAST: (
-        "it guards {steps} steps that come one after the other, of which the last cannot fail; on "
-        "{engine} a recovery guards the one runner before it",
-        "it is left out; if one of these steps fails, the plan stops",
+        "it guards {steps} steps in sequence, the last of which cannot fail; on {engine} a "
+        "recovery guards only the one runner before it",
+        "it is removed; if one of these steps fails, the plan stops",
     ),
-    Reason.ALTERNATIVE_LEFT_OUT: ("", "an alternative of {steps} steps is left out"),
+    Reason.ALTERNATIVE_LEFT_OUT: ("", "an alternative of {steps} steps is removed"),
 }
 
 

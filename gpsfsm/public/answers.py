@@ -25,7 +25,7 @@ from gpsfsm.errors import (
 from gpsfsm.grading.grade_tables import GradeTable, columns_of
 from gpsfsm.grading.grader import Grader, grade_inputs
 from gpsfsm.grading.rewards import task_of
-from gpsfsm.streams import counted, refuse_progress
+from gpsfsm.streams import counted, refuse_progress, ticking
 
 if TYPE_CHECKING:
     from gpsfsm.generation.language_model import LanguageModel
@@ -54,16 +54,17 @@ def grade(
     builtin_capabilities: bool = True,
     progress: Progress | None = None,
 ) -> GradeTable:
-    r"""Grade answers of language models: a text, the path of a file or folder, or several paths.
+    r"""Grade answers of language models against a task.
 
-    A ``str`` is a path only if such a file exists. ``task`` is a task, the path of a task file, or
-    its content, as a text or a mapping. ``labels`` is a CSV file with the grades that people gave,
-    ``by`` the columns by which answers are grouped. ``jobs``: where they are graded, as on the
-    command line. ``progress(done, total)`` is called after each answer. The other options are those
-    of ``check``.
+    - ``answer``: a text, the path of a file or folder, or several paths. A ``str`` is a path only
+      if such a file exists.
+    - ``task``: a ``Task``, the path of a task file, or its content as a text or a mapping.
+    - ``labels``: a CSV file with people's grades; ``by``: columns to group by, separated by commas.
+    - ``jobs``: the number of worker processes, or a backend, as for ``--jobs``.
 
-    Raises UsageError for arguments that make no sense, ConfigError, a kind of it, for a task that
-    makes none. An answer that cannot be read or decided has the grade ``undecided``.
+    The other options are those of ``check``. Raises UsageError for invalid arguments, and its
+    subclass ConfigError for an invalid task. An answer that cannot be read or decided is
+    ``undecided``.
 
     >>> task = "interface: GoRunner\nplaces: {A: {x: 1}}\nsteps: [{do: A}]\n"
     >>> plan = '<Plan><Runner interface="demo/GoRunner" provider="demo/GoRunner" x="1"/></Plan>'
@@ -82,10 +83,10 @@ def grade(
         isinstance(answer, str) and is_text(answer, from_response=True)
     ):
         one = [Grader(graded_task, options).grade(answer, "<text>")]
-        return GradeTable(list(counted(one, 1, progress)), people, columns)
+        return GradeTable(list(counted(one, 1, progress, "grading")), people, columns)
     inputs = list(find_inputs(paths_of(answer, "grade", "the answer of a model")))
     grades = grade_inputs(inputs, graded_task, options, jobs=jobs)
-    return GradeTable(list(counted(grades, len(inputs), progress)), people, columns)
+    return GradeTable(list(counted(grades, len(inputs), progress, "grading")), people, columns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,17 +143,17 @@ class _Wanted:
         """Ask until a plan is accepted; ``aside``: answers are checked by another process."""
         from gpsfsm.running.search import keeper_of
 
-        search, done = self._search(), 0
-
-        def tell(_: Attempt) -> None:
-            nonlocal done
-            done += 1
-            if self.progress is not None:
-                self.progress(done, self.attempts * self.candidates)
-
+        search, done, most = self._search(), 0, self.attempts * self.candidates
         journal = None if self.journal is None else str(self.journal)
         with ExitStack() as stack:
-            return await search.run(tell, keeper_of(journal, stack), aside=aside)
+            tick = stack.enter_context(ticking(self.progress, "attempts", most))
+
+            def count(_: Attempt) -> None:
+                nonlocal done
+                done += 1
+                tick(done, most)
+
+            return await search.run(count, keeper_of(journal, stack), aside=aside)
 
     def _search(self) -> Search:
         from gpsfsm.generation.prompt_builder import build_prompt
@@ -229,17 +230,21 @@ def generate(
     builtin_capabilities: bool = True,
     progress: Progress | None = None,
 ) -> Generated:
-    """Ask a model for a plan, check it, and ask again with what is wrong about it.
+    """Ask a language model for a plan, check the plan, and ask again with the findings.
 
-    ``model`` is a name such as ``ollama:qwen3:8b``, or a ``LanguageModel``, which is closed
-    afterwards. ``attempts`` times it is asked for ``candidates`` answers; all of it may take
-    ``total_s`` seconds, a request ``timeout_s``. ``fail_on``: the least severity that rejects a
-    plan; ``mend``: safe repairs are made. Only the interfaces of ``only`` (patterns) are offered.
-    ``world``, ``facts`` and ``examples`` are files, ``journal`` is where attempts are kept.
-    ``progress(done, total)`` is called after each attempt.
+    - ``task``: what the plan has to do, in words.
+    - ``model``: a name such as ``ollama:qwen3:8b``, or a ``LanguageModel``, which is closed
+      afterwards.
+    - ``attempts``, ``candidates``: the number of rounds at most, and of answers in each round.
+    - ``total_s``, ``timeout_s``: time limits in seconds, for everything and for one request.
+    - ``fail_on``: the lowest severity that rejects a plan; ``mend``: apply safe fixes to answers.
+    - ``only``: patterns of interfaces; no others are offered to the model.
+    - ``world``, ``facts``, ``examples``: files that are added to the prompt.
+    - ``journal``: the file that stores the attempts; ``progress``: as for ``check``, counting
+      attempts.
 
-    Raises UsageError for arguments that make no sense, InputError for files that cannot be read.
-    That a model fails, or writes no good plan, is in the result.
+    Raises UsageError for invalid arguments, InputError for files that cannot be read. If the model
+    fails or writes no acceptable plan, nothing is raised: ``reason`` of the result says so.
 
     >>> generate("go", model="nobody:x")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
@@ -251,7 +256,7 @@ def generate(
         asyncio.get_running_loop()
     except RuntimeError:
         return asyncio.run(wanted.search())
-    raise UsageError("an event loop runs already: await gpsfsm.generate_async(...)")
+    raise UsageError("an event loop is already running: await gpsfsm.generate_async(...)")
 
 
 async def generate_async(
@@ -277,5 +282,5 @@ async def generate_async(
     builtin_capabilities: bool = True,
     progress: Progress | None = None,
 ) -> Generated:
-    """``generate`` for an event loop that goes on meanwhile: another process checks the answers."""
+    """``generate`` without blocking the event loop; a child process checks the answers."""
     return await _Wanted(**locals()).search(aside=True)

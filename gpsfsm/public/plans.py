@@ -64,14 +64,15 @@ def fix(
     energy_limit_j: float | None = None,
     engine: str = PAPER_ENGINE,
 ) -> Fixed:
-    """Repair a plan without a language model: its text, or the path of its file.
+    """Repair a plan without a language model.
 
-    The file stays as it is; ``text`` of the result is the repaired plan, ``report`` what is left to
-    be found in it. A fix is kept only if a new check shows that its finding is gone and no other
-    has come. ``unsafe`` also takes fixes that may change what the plan means. The other options are
-    those of ``check``; only findings that ``select`` and ``ignore`` leave are fixed.
+    ``text_or_path`` is the text of a plan or the path of its file. The file is not changed:
+    ``text`` of the result is the repaired plan and ``report`` is its check. A fix is kept only if a
+    new check shows that its finding is gone and no new one has appeared. ``unsafe`` also applies
+    fixes that may change the meaning of the plan. ``select`` and ``ignore`` restrict which findings
+    are fixed; the other options are those of ``check``.
 
-    Raises UsageError for options that make no sense, InputError for a file that cannot be read.
+    Raises UsageError for invalid options, InputError for a file that cannot be read.
 
     >>> fixed = fix('<Plan><Runner interface="a/Go" provider=a/Go></Plan>')
     >>> fixed.text, fixed.report.verdict.value
@@ -85,9 +86,10 @@ def fix(
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Two plans, and the ``difference`` between them: None if they do the same.
+    """The result of comparing two plans; it is true if they do the same.
 
-    It is true if they do. ``str()`` tells the scenario that shows the difference.
+    ``difference`` is None if they do the same. ``str()`` describes the scenario that shows the
+    difference.
     """
 
     first: Plan
@@ -96,7 +98,7 @@ class Comparison:
 
     @property
     def equal(self) -> bool:
-        """True if they do the same in every scenario that the options admit."""
+        """True if the plans do the same in every scenario that the options admit."""
         return self.difference is None
 
     def __bool__(self) -> bool:
@@ -122,15 +124,17 @@ def diff(
     from_response: bool = False,
     limits: Limits | None = None,
 ) -> Comparison:
-    """Tell whether two plans do the same, or the first scenario in which they differ.
+    """Decide whether two plans do the same; if not, find the first scenario where they differ.
 
-    Each is a text, the path of a file, or a plan of ``parse``; or a machine, also as a graph of
-    networkx (docs/machines.md). ``assume``: only scenarios where this holds in both.
-    ``consistent``: equal actions have equal outcomes. ``tolerance``: numbers of a parameter that
-    differ by no more are equal.
+    ``first`` and ``second`` are each a text, the path of a file, a plan from ``parse``, or a
+    machine, which may also be a networkx graph (docs/machines.md).
 
-    Raises UsageError for arguments that make no sense, InputError for a file that cannot be read,
-    GpsfsmError for a text with errors and where nothing is decided within the limits.
+    - ``assume``: consider only scenarios in which these assumptions hold for both plans.
+    - ``consistent``: equal actions have equal outcomes.
+    - ``tolerance``: numeric parameters that differ by no more than this are equal.
+
+    Raises UsageError for invalid arguments, InputError for a file that cannot be read, and
+    GpsfsmError for a text with errors or if the limits are reached before there is an answer.
 
     >>> go = '<Runner interface="a/Go" provider="a/Go"/>'
     >>> in_a_row = f'<Control type="sequential">{go}{go}</Control>'
@@ -226,13 +230,14 @@ def view(
     tolerate: int = 0,
     engine: str = PAPER_ENGINE,
 ) -> str:
-    """Make a page that shows plans: a text, the path of a file or folder, or several paths.
+    """Make an HTML page that shows one or more plans.
 
-    The page is HTML that needs nothing else; write it to a file. ``diff``: two plans side by side.
-    ``task``: a task (as for ``grade``), by which the plans are graded. The other options are those
-    of ``check``.
+    ``text_or_path`` is the text of a plan, the path of a file or folder, or a list of paths. The
+    page is self-contained: write it to a file and open it. ``diff`` shows two plans side by side.
+    ``task`` is a task, as for ``grade``, and the page shows how each plan meets it. The other
+    options are those of ``check``.
 
-    Raises UsageError for options that make no sense, InputError where nothing can be read.
+    Raises UsageError for invalid options, InputError if none of the inputs can be read.
 
     >>> view('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>').splitlines()[0]
     '<!doctype html>'
@@ -243,7 +248,7 @@ def view(
         options = replace(options, task=task_of(task))
     viewed = _viewed(text_or_path, options)
     if diff and len(viewed) != 2:
-        raise UsageError(f"diff compares two plans, and here are {len(viewed)}")
+        raise UsageError(f"diff compares two plans, not {len(viewed)}")
     return _page(viewed, options, title, diff=diff)
 
 
@@ -280,14 +285,17 @@ def port(
     capabilities: Sequence[str | Path] = (),
     builtin_capabilities: bool = True,
 ) -> Ported:
-    """Rewrite a plan so that an original engine does what the paper says: its text, or its path.
+    """Rewrite a plan so that an original engine runs it as the paper specifies.
 
-    ``text`` of the result was proved to do the same by the paper, and on the engine what the paper
-    says; it is None where the engine cannot do that, and ``losses`` say why. ``unsafe``: then the
-    closest text, with what it changes.
+    ``text_or_path`` is the text of a plan or the path of its file; ``engine`` is a name such as
+    ``fabric-v2``. ``text`` of the result is proved: it means the same as the plan under the paper's
+    semantics, and the engine executes it that way. If the engine cannot do that, ``text`` is None
+    and ``losses`` list why. With ``unsafe`` you then get the closest text, and ``change`` shows
+    what it changes.
 
-    Raises UsageError for an unknown engine, InputError for a file that cannot be read, GpsfsmError
-    for a text with errors that are not mended, and where nothing is decided within the limits.
+    Raises UsageError for an unknown engine, InputError for a file that cannot be read, and
+    GpsfsmError for a text with errors that cannot be fixed or if the limits are reached before
+    there is an answer.
 
     >>> plan = '<Plan><Control type="sequential"/><Runner interface="Go" provider="Go"/></Plan>'
     >>> port(plan, "fabric-v2").text

@@ -27,6 +27,7 @@ from gpsfsm.grading.rewards import task_of
 from gpsfsm.public.plans import plan_of
 from gpsfsm.running.replaying import Replayed, replayed_runs
 from gpsfsm.running.run import run
+from gpsfsm.streams import ticking
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,13 +57,13 @@ def resume(
     force: bool = False,
     interruption: Interruption | None = None,
 ) -> RunResult:
-    """Go on with what a journal holds unfinished; the arguments are those of ``run``.
+    """Continue the unfinished runs of a journal; the arguments are those of ``run``.
 
-    A journal allows nothing by itself: real runners act only with ``real`` or ``runners``, and a
-    model is asked only if ``model`` names it. A run that has ended already is not touched.
+    A journal grants no permissions: real runners act only with ``real`` or ``runners``, and a model
+    is used only if you name it in ``model``. Finished runs are not touched.
 
-    Raises InputError for a journal that is not there or holds no run, UsageError for what the
-    journal asks for and the arguments do not allow.
+    Raises InputError for a journal that does not exist or holds no run, UsageError if the journal
+    needs something that the arguments do not permit.
 
     >>> resume("no-such-journal.db")
     Traceback (most recent call last):
@@ -84,11 +85,13 @@ def resume(
 
 
 def replay(journal: str | Path, *, run: int | None = None) -> Replayed:
-    """Run a journaled run again without real runners, and compare every event.
+    """Repeat a journaled run without real runners, and compare every event.
 
-    ``run`` is its number; None: the last one, and those that it continues. The result is true if
-    all events are the same. Raises InputError for a journal that is not there or damaged,
-    UsageError for a run that it does not hold.
+    ``run`` is the number of the run; None means the last one and those that it continues. The
+    result is true if all events are the same.
+
+    Raises InputError for a journal that does not exist or is damaged, UsageError for a run that the
+    journal does not hold.
 
     >>> replay("no-such-journal.db")
     Traceback (most recent call last):
@@ -131,17 +134,16 @@ def fuzz(
     builtin_capabilities: bool = True,
     progress: Progress | None = None,
 ) -> CampaignReport:
-    """Run a plan very often in virtual time while everything goes wrong, and say what breaks.
+    """Run a plan many times in virtual time with random faults, and report what breaks.
 
-    ``plan`` is its text, its file, a plan of ``parse``, or a machine (a graph, too), whose runs are
-    cut off after ``max_visits``. ``runs`` of them (1,000) are drawn from ``seed``, or as many as
-    ``time_s`` seconds allow. ``faults``: what may happen; ``limit_s``: the seconds that an action
-    may take, None: as long as it likes, ``auto``: 60, or more if more is declared. ``properties``:
-    names, functions of a ``Run``, or ``Property``; ``task``: a task that runs have to fulfil. Cases
-    in the folder ``corpus`` come first. ``progress(done, total)`` is called after each run.
-
-    Raises UsageError for arguments that make no sense, InputError for a file that cannot be read,
-    GpsfsmError for a text with errors.
+    ``plan`` is a text, the path of a file, a plan from ``parse``, or a machine (also a networkx
+    graph), whose runs are cut off after ``max_visits``. From ``seed``, ``runs`` scenarios are drawn
+    (1,000), or as many as fit in ``time_s`` seconds. ``faults`` are those that may occur,
+    ``limit_s`` is the time limit of an action in seconds (None: none; ``auto``: 60, or more if more
+    is declared). ``properties`` are names, functions of a ``Run``, or ``Property`` objects;
+    ``task`` is a task that every run must fulfil. Cases in the folder ``corpus`` are played first.
+    ``progress``: as for ``check``. Raises UsageError for invalid arguments, InputError for a file
+    that cannot be read, GpsfsmError for a text with errors.
 
     >>> report = fuzz('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>', runs=20)
     >>> report.ok, report.campaign.runs
@@ -158,9 +160,9 @@ def fuzz(
         consistent=consistent,
         most_visits=max_visits,
     )
-    held = _properties(properties, task)
-    names = {"name": parsed.file, "source": source}
-    return campaign_report(subject, held, options, **names, progress=progress)
+    held, names = _properties(properties, task), {"name": parsed.file, "source": source}
+    with ticking(progress, "runs", None if time_s is not None else options.most) as tick:
+        return campaign_report(subject, held, options, **names, progress=tick)
 
 
 def _properties(
@@ -180,7 +182,7 @@ def _subject_plan(
     if not parsed.runners:
         raise UsageError(f"{parsed.file}: the plan has no runner, so nothing can happen in it")
     if corpus is not None and not source:
-        raise UsageError("cases in a corpus hold the text of their plan: give that, or a path")
+        raise UsageError("cases in a corpus contain the text of their plan: pass that, or a path")
     return parsed, source
 
 

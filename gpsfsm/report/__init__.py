@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from functools import cache
+from functools import cache, partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError, misused
 from gpsfsm.late import dataclass
+from gpsfsm.model.printable import printable
 from gpsfsm.plugins import find_plugin
 from gpsfsm.streams import Form, write_message
+from gpsfsm.tracing import span
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import PlanReport, Report
@@ -26,18 +29,23 @@ if TYPE_CHECKING:
 __all__ = ["Format", "RenderOptions", "find_format", "format_names", "render", "tell_errors"]
 
 _GROUP = "gpsfsm.formats"
+_ENDINGS = {"gv": "dot", "md": "markdown", "mmd": "mermaid"}
+_FOREIGN = ("htm", "html", "jpeg", "jpg", "pdf", "png")
 
 
 @dataclass(frozen=True, slots=True)
 class RenderOptions:
-    """The options of writing a report; formats ignore what does not concern them.
+    """The options for formatting a report; formats ignore those that do not concern them.
 
-    ``color``: with terminal colours. ``quiet``: findings only, one line each. ``verbose``: all that
-    is known of each finding. ``statistics``: with a table of counts per rule. ``width``: columns of
-    the terminal, None where there is none. ``version``: the version of gpsfsm that the report
-    names, "" for none. ``correct``: the lines with which a finding of a plan would be mended, none
-    if that is not known. ``good_enough``: a plan without errors is accepted. ``mended``: the
-    repairs that were made before the check.
+    - ``color``: use terminal colours.
+    - ``quiet``: only findings, one line each; ``verbose``: everything that is known about each
+      finding.
+    - ``statistics``: add a table of counts per rule.
+    - ``width``: the columns of the terminal; None without a terminal.
+    - ``version``: the version of gpsfsm that the report names; "" for none.
+    - ``correct``: returns the lines that would fix a finding of a plan; empty if unknown.
+    - ``good_enough``: a plan without errors counts as accepted.
+    - ``mended``: the fixes that were applied before the check.
     """
 
     color: bool = False
@@ -53,11 +61,11 @@ class RenderOptions:
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """An output format: its name on the command line, its one function, and how it is escaped.
+    """An output format.
 
-    ``render`` returns the whole output, which ends with a line break unless it is empty, and which
-    can be encoded as UTF-8 whatever the plan holds. ``form`` says how what terminals and servers
-    would obey is escaped in it.
+    ``name`` is its name on the command line. ``render`` returns the whole output, which ends with a
+    line break unless it is empty, and which must be encodable as UTF-8 for any plan. ``form``
+    determines how characters that control terminals and servers are escaped in it.
     """
 
     name: str
@@ -81,8 +89,30 @@ def find_format(name: str) -> Format:
     return _find_foreign(name)
 
 
+def format_of(output_file: str, formats: Iterable[str]) -> str | None:
+    """The one of the formats that the ending of a file names, or None.
+
+    Raises UsageError for the ending of a picture or page that none of them is.
+
+    >>> format_of("plan.svg", ["tree", "svg"])
+    'svg'
+    """
+    ending, choices = Path(output_file).suffix.lower().removeprefix("."), list(formats)
+    if ending in _FOREIGN:
+        page = "; for a page: gpsfsm view" if ending.startswith("htm") else ""
+        raise UsageError(
+            f"{printable(output_file)}: {ending} is none of the formats {', '.join(choices)}; "
+            f"--format says which of them to write{page}"
+        )
+    names = (name for name in (ending, _ENDINGS.get(ending)) if name in choices)
+    return next(names, None)
+
+
 def render(report: Report, name: str = "text", *, options: RenderOptions | None = None) -> str:
-    """Write the report in the format of this name. Raises UsageError for what is no report."""
+    """Format a report; ``name`` is the output format, such as ``text``, ``json`` or ``sarif``.
+
+    Raises UsageError for an unknown format, or if ``report`` is not a ``Report``.
+    """
     from gpsfsm.model.report import PlanReport, Report
 
     value: object = report
@@ -92,7 +122,8 @@ def render(report: Report, name: str = "text", *, options: RenderOptions | None 
         raise misused("render", "a report", value, "gpsfsm.check makes one")
     if not isinstance(options, RenderOptions | None):
         raise misused("render", "a gpsfsm.report.RenderOptions as options", options)
-    return find_format(name).render(report, options or RenderOptions())
+    with span("gpsfsm.render"):
+        return find_format(name).render(report, options or RenderOptions())
 
 
 def tell_errors(parsed: Parsed) -> int:
@@ -118,6 +149,20 @@ def _find_foreign(name: str) -> Format:
         _GROUP, name, Format, noun="format", expected="gpsfsm.report.Format"
     )
     if foreign is not None:
-        return foreign
+        return Format(foreign.name, partial(_rendered, foreign), foreign.form)
     names = ", ".join((*format_names(), *offered))
     raise UsageError(f"there is no format '{name}'; the formats are: {names}")
+
+
+def _rendered(foreign: Format, report: Report, options: RenderOptions) -> str:
+    """The output of another package's format. Raises UsageError if that fails."""
+    try:
+        text: object = foreign.render(report, options)
+    except MemoryError:
+        raise
+    except Exception as error:  # whatever the other package does wrong
+        reason = f"{type(error).__name__}: {error}"
+        raise UsageError(f"the format '{foreign.name}' failed: {reason}") from error
+    if not isinstance(text, str):
+        raise UsageError(f"the format '{foreign.name}' returned {type(text).__name__}, not text")
+    return text

@@ -1,4 +1,4 @@
-"""The documentation of rules as Markdown: ``docs/rules`` and ``gpsfsm rule --format markdown``."""
+"""Rules documented in Markdown: ``docs/rules`` and ``gpsfsm explain --format markdown``."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def rules_index_markdown(rules: Iterable[Rule]) -> str:
     lines = [
         "# Rules",
         "",
-        "`gpsfsm rule GP302` shows a page of these in the terminal.",
+        "`gpsfsm explain GP302` shows a page of these in the terminal.",
     ]
     family = ""
     for rule in rules:
@@ -57,14 +57,15 @@ def rules_index_markdown(rules: Iterable[Rule]) -> str:
 
 def example_command(rule: Rule) -> str:
     """The command line under which the rule finds something in its example."""
-    file = "machine.json" if rule.bad.startswith("{") else "plan.xml"
+    kinds = {"{": "machine.json", "<root": "tree.xml"}
+    file = next((name for begin, name in kinds.items() if rule.bad.startswith(begin)), "plan.xml")
     return shlex.join(["gpsfsm", "check", *map(printable, rule.options), file])
 
 
 def visible(text: str) -> str:
     """An example without characters that a reader could not see, and not endlessly long."""
     if not text.strip():
-        return "(no plan shows it by itself)"
+        return "(no plan triggers it by itself)"
     clipped = text if len(text) <= _CLIP else text[:_CLIP] + "…"
     return "\n".join(printable(line.replace("\t", "    ")) for line in clipped.rstrip().split("\n"))
 
@@ -78,7 +79,7 @@ def _page(rule: Rule) -> Iterator[str]:
     yield severity
     if rule.confidence is Confidence.HEURISTIC:
         yield ""
-        yield "Confidence: heuristic. The intent of the plan is guessed."
+        yield "Confidence: heuristic. The rule guesses the intent of the plan."
     yield from ("", "## What it finds", "", _sentence(rule.summary))
     yield from ("", "## Why it matters", "", _sentence(rule.why))
     yield from ("", "## Example", "")
@@ -87,16 +88,16 @@ def _page(rule: Rule) -> Iterator[str]:
         yield from _code(rule.bad)
         yield from ("", "and nothing here:", "")
     else:
-        yield from ("No plan shows it by itself. There is nothing of the kind here:", "")
+        yield from ("No plan triggers it by itself. It finds nothing here:", "")
     yield from _code(rule.good)
     yield from ("", "## What to do", "", _sentence(rule.fix), "")
     if says_no_verdict(rule.code):
-        yield "It cannot be ignored: it says why there is no verdict."
+        yield "It cannot be ignored, because it explains why there is no verdict."
     else:
         comment = f"<!-- gpsfsm: ignore {rule.code} because … -->"
-        yield f"To excuse it at one place, put `{comment}` before"
-        yield "the element, with a reason, and let such comments count with `--allow-suppressions`;"
-        yield f"to ignore it everywhere, use `--ignore {rule.code}`."
+        yield f"To suppress it in one place, put `{comment}`, with a reason,"
+        yield "before the element, and let such comments count with `--allow-suppressions`. To"
+        yield f"ignore it everywhere, use `--ignore {rule.code}`."
     yield ""
 
 

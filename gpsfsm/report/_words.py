@@ -110,7 +110,7 @@ def setting_line(used: SettingUsed) -> str:
         number += f" ({count(used.errors, 'error')})"
     if used.effect is Effect.HIDES:
         return f"{number} hidden by {what}"
-    return f"{number} let pass by {what}"
+    return f"{number} excused by {what}"
 
 
 def summary(plan: PlanReport) -> str:
@@ -137,7 +137,7 @@ def _proof(proof: Proof | None) -> list[str]:
     procedures = set(proof.decided_by.values())
     only = "search only" if By.SEARCH in procedures else "structural pass only"
     of_what = f" for {', '.join(proof.unproved)}" if By.Z3 in procedures else ""
-    return [f"{only}{of_what}: {', '.join(proof.limits)}"]
+    return [f"not proved by z3{of_what}, {only}: {', '.join(proof.limits)}"]
 
 
 def _facts(facts: Facts) -> list[str]:

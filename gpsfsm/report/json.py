@@ -181,7 +181,7 @@ def _break(inner: str) -> str:
 
 
 def report_data(report: Report) -> dict[str, Any]:
-    """What the format ``json`` writes."""
+    """The document that the format ``json`` writes."""
     data: dict[str, Any] = json.loads(_render(report, RenderOptions()))
     return data
 

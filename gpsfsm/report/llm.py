@@ -34,7 +34,7 @@ _TAG = pattern(
 )
 
 _REJECTED = "Your plan was rejected: {0}. Correct it and answer with the whole plan."
-_UNDECIDED = "Your plan is undecided: it could not be checked to the end."
+_UNDECIDED = "Your plan is undecided: the check could not be completed."
 _ACCEPTED = "The plan is accepted."
 _NOT_GOOD_ENOUGH = "The plan is not good enough yet."
 
@@ -44,7 +44,7 @@ def _render(report: Report, options: RenderOptions) -> str:
     parts = []
     if options.mended:
         repairs = "\n".join(f"- {repair}" for repair in options.mended)
-        parts.append(f"These mistakes were mended for you:\n{repairs}")
+        parts.append(f"These mistakes were fixed for you:\n{repairs}")
     for plan in report.plans:
         lines = [f"# {printable(plan.path)}"] if several else []
         parts.append("\n".join([*lines, *_plan(plan, options)]))
@@ -101,7 +101,7 @@ def _chosen(serious: Sequence[Finding]) -> list[Finding]:
 def _finding(finding: Finding, number: int, source: Sequence[str]) -> Iterator[str]:
     kind = finding.severity.value.capitalize()
     if finding.confidence is Confidence.HEURISTIC:
-        kind += " (what you intend is guessed)"
+        kind += " (a guess at what you intend)"
     place = f" at {finding.location.words}" if has_line(finding) else ""
     yield f"{number}. {kind} {finding.rule}{place}: {clip(finding.message, _MAX_TEXT)}"
     line = finding.location.line

@@ -21,6 +21,7 @@ from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import Format, RenderOptions
 from gpsfsm.report._words import MAX_MESSAGE, setting_line
 from gpsfsm.streams import Form
+from gpsfsm.version import REPOSITORY, VERSION
 
 _Json = dict[str, Any]
 
@@ -35,7 +36,7 @@ _dump = json.JSONEncoder(ensure_ascii=True, allow_nan=False).encode
 def _render(report: Report, options: RenderOptions) -> str:
     rules = _rules()
     indices = {rule["id"]: index for index, rule in enumerate(rules)}
-    driver: _Json = {"name": "gpsfsm", "rules": rules}
+    driver: _Json = {"name": "gpsfsm", "informationUri": REPOSITORY, "rules": rules}
     if options.version:
         driver["version"] = options.version
     results = (result for plan in report.plans for result in _results(plan, indices))
@@ -60,6 +61,7 @@ def _rules() -> list[_Json]:
             "name": rule.name,
             "shortDescription": _message(rule.summary),
             "fullDescription": _message(f"{rule.summary} {rule.why}"),
+            "helpUri": f"{REPOSITORY}/blob/v{VERSION}/docs/rules/{rule.code}.md",
             "help": {**_message(rule.fix), "markdown": _escape_braces(rule_markdown(rule))},
             "defaultConfiguration": {"level": _LEVELS[rule.severity]},
             "properties": {"precision": _PRECISIONS[rule.confidence]},
@@ -154,9 +156,9 @@ def _code_flow(path: str, scenario: Scenario) -> _Json:
         location = _location(path, Location(step.line, 0, step.element, step.file))
         location["message"] = _message(f"{step.event.value} of {step.element}")
         steps.append({"location": location, "executionOrder": number})
-    cut = " (the last events only)" if scenario.trace_truncated else ""
+    cut = " (only the last events)" if scenario.trace_truncated else ""
     return {
-        "message": _message(f"a run that ends {scenario.ends.value}{cut}"),
+        "message": _message(f"a run in which {scenario.ending}{cut}"),
         "threadFlows": [{"locations": steps}],
     }
 

@@ -167,7 +167,7 @@ class _Entry:
             yield from _scenario(pen, finding.scenario)
         yield from _related(pen, finding.related, self.plan.path)
         if finding.confidence is Confidence.HEURISTIC:
-            yield pen.frame("=", "note: heuristic; what the plan intends is guessed")
+            yield pen.frame("=", "note: heuristic; this rule guesses what the plan intends")
         yield from _hint(pen, finding)
 
     def _code(self, pen: _Pen, finding: Finding) -> Iterator[str]:
@@ -213,7 +213,7 @@ def _hint(pen: _Pen, finding: Finding) -> Iterator[str]:
 
 
 def _scenario(pen: _Pen, scenario: Scenario) -> Iterator[str]:
-    yield pen.frame("=", f"scenario (ends {scenario.ends.value}):")
+    yield pen.frame("=", f"scenario in which {scenario.ending}:")
     story = scenario.story or tuple(
         f"{element}: {outcome.value}" for element, outcome in scenario.outcomes
     )

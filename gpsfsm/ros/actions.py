@@ -139,7 +139,7 @@ class Goal:
                 failures += 1
                 pause = 0.0
                 if failures == _TRIES:
-                    raise GoneError("the server does not answer any more")
+                    raise GoneError("the server no longer answers")
 
     async def _wait(self, answers: list[Answer[Any]], seconds: float) -> None:
         if self._call.silence_s:

@@ -266,7 +266,7 @@ class Session:
         if not name:
             raise RosError(
                 f"the capability server {self.server.prefix} has no {wanted}, without which it "
-                "tells nobody how its runners end: install its package on the robot"
+                "does not report how its runners end: install its package on the robot"
             )
         providers = await self.server.providers(name)
         self._multiplexer = (name, providers[0] if providers else name)
@@ -448,7 +448,7 @@ class Session:
             if not instance.ended.done():
                 failures = 0 if await self._lives(instance.capability) else failures + 1
             if failures == _TRIES and not instance.ended.done():
-                self._lost("the capability server does not answer any more")
+                self._lost(self.problem or "the capability server does not answer")
         return instance.ended.result()
 
     async def _lives(self, capability: str) -> bool:
@@ -465,8 +465,8 @@ class Session:
             return bool(self._using)
         if capability not in running:
             self._lost(
-                f"the capability server has stopped {capability}: it was restarted, or somebody "
-                "has stopped it there"
+                f"the capability server has stopped {capability}: it was restarted, or another "
+                "client has stopped it there"
             )
         return True
 

@@ -141,7 +141,7 @@ class Capabilities2Runner(Runner):
         if self._acting:
             context.log(
                 f"the capability server cannot stop one instance of {self._capability} while "
-                "others act: it goes on there"
+                "others act: it continues there"
             )
             return
         self._used = False

@@ -140,7 +140,7 @@ def outputs(described: Provider, parameters: Iterable[Any]) -> dict[str, RunValu
         except ValueError:
             shown, key = clip(repr(texts), 100), clip(each.key, 100)
             raise RunnerError(
-                f"{described.name} hands over {shown} for {key!r}, which is no {kind.value}"
+                f"{described.name} hands over {shown} for {key!r}, which is not a {kind.value}"
             ) from None
     return values
 

@@ -274,7 +274,7 @@ def full_name(name: str) -> str:
     """
     full = f"/{name.removeprefix('/').removesuffix('/')}"
     if not _NAME.fullmatch(full):
-        raise UsageError(f"{clip(name, 100)!r} is no name of ROS 2, such as {PUBLIC}")
+        raise UsageError(f"{clip(name, 100)!r} is not a valid ROS 2 name such as {PUBLIC}")
     return full
 
 

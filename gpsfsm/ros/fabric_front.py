@@ -177,7 +177,7 @@ class FabricFront:
         except RosError as error:
             self._keeper.passed(names.SUBMIT, "", str(error))
             return "", _short(
-                f"the gate accepted the plan and passed it on, but {error}: it may run nevertheless"
+                f"the gate accepted the plan and passed it on, but {error}: it may run anyway"
             )
         self._keeper.passed(names.SUBMIT, answer.plan_id, answer.error)
         return answer.plan_id, answer.error

@@ -47,7 +47,9 @@ def definition(name: str) -> Any:
     """
     match = _TYPE.fullmatch(name)
     if match is None:
-        raise RosError(f"{clip(name, 200)!r} is no definition: write package/msg|srv|action/Name")
+        raise RosError(
+            f"{clip(name, 200)!r} is not a definition: write package/msg|srv|action/Name"
+        )
     package, kind, short = match.groups()
     module = f"_{_SNAKE.sub('_', short).lower()}"
     spec = importlib.util.find_spec(package)
@@ -129,7 +131,7 @@ def _set(message: Any, path: list[str], value: RunValue, whole: str) -> None:
         return
     match = _SEQUENCE.fullmatch(kind)
     if match is None or not rest:
-        raise RosError(f"the field {bare} of {_named(message)} is no list of messages")
+        raise RosError(f"the field {bare} of {_named(message)} is not a list of messages")
     items = getattr(message, bare)
     if isinstance(value, list):
         if not items:

@@ -73,7 +73,7 @@ class _Said:
 
     def add(self, kind: str, name: str, keys: Mapping[str, Any]) -> bool:
         if not (_NAME.fullmatch(name) and has_place(name)):
-            self.leave_out(name, "it is no package/Name of letters, digits and underscores")
+            self.leave_out(name, "it is not package/Name with letters, digits and underscores")
             return False
         self.entries[kind, name] = {key: keys[key] for key in _KEYS[kind] if key in keys}
         return True
@@ -169,7 +169,7 @@ async def _specs(server: Server) -> _Said:
             continue
         kind = kinds.get(spec.type, spec.type)
         if kind not in _FOLDERS:
-            said.leave_out(where, f"there is no kind of capability {clip(spec.type, 100)!r}")
+            said.leave_out(where, f"{clip(spec.type, 100)!r} is not a kind of capability")
             continue
         name = str(data.get("name", ""))
         said.add(kind, name if "/" in name else f"{spec.package}/{name}", data)
@@ -252,7 +252,7 @@ def pull_into(
     if not output:
         raise UsageError("--output needs the name of a folder, not an empty one")
     if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{output} is no folder; name a new one with --output")
+        raise UsageError(f"{output} is not a folder; name a new one with --output")
     if folder.is_dir() and any(folder.iterdir()) and not force:
         raise UsageError(f"{output} is not empty; name a new folder, or overwrite with --force")
     choose(RosSettings(arguments=tuple(arguments)))
@@ -276,14 +276,14 @@ def _write(folder: Path, name: str, pulled: Pulled, settings: RosSettings) -> tu
     if pulled.files:
         problems += _defects(folder)
     if not pulled.runners:
-        problems.append("the capability server offers nothing that can be used: no profile is made")
+        problems.append("the capability server offers nothing usable: no profile is written")
         return "", problems
     packages = sorted({path.partition("/")[0] for path in pulled.files})
     profile = folder / "robot.yaml"
     try:
         write_profile(profile, name, packages, pulled.runners, ros=settings)
     except ConfigError as error:
-        return "", [*problems, f"{profile} is not written, since it would not fit:\n{error}"]
+        return "", [*problems, f"{profile} is not written, because it would be invalid:\n{error}"]
     written = (
         f"{profile}: {len(pulled.runners)} runners by a server of V{pulled.version}, "
         f"{len(pulled.built_in)} of them as gpsfsm describes them; "

@@ -70,7 +70,7 @@ def absence(node: RosNode, what: str, name: str, kind: str, wait_s: float) -> st
         )
     domain = node.context.get_domain_id()
     return (
-        f"the {what} {full} is not there (waited {wait_s:g} s in domain {domain}): start what "
+        f"the {what} {full} is not available (waited {wait_s:g} s in domain {domain}): start what "
         "offers it, or set domain, namespace and names in the robot profile"
     )
 

@@ -162,7 +162,10 @@ class Admission:
         reason, why = reason_of(report, GateOptions(options))
         if reason is not Reason.PASSED and not (self._force or self._silent):
             whole = "tree" if options.trees and holds_trees(as_text(content)) else "plan"
-            return _refused(report, reason, why, self.advice, whole)
+            refused = _refused(report, reason, why, whole)
+            if report.facts is None and not self._runnable(content, name, options):
+                return refused
+            return replace(refused, message=f"{refused.message}; {self._nevertheless(reason)}")
         errors_alone = None
         if reason is not Reason.PASSED and not self._silent:
             errors_alone = _errors_alone(report)
@@ -182,6 +185,18 @@ class Admission:
         errors = _written(report)
         forced = f"{how} in spite of {errors}" if errors else f"{how} although {why}"
         return Admitted(prepared, forced, errors_alone)
+
+    def _nevertheless(self, reason: Reason) -> str:
+        """The end of a message: the option that runs the plan all the same."""
+        return f"{self.advice.force} runs it" + (" anyway" if reason.exit_code == 1 else "")
+
+    def _runnable(self, content: bytes, name: str, options: CheckOptions) -> bool:
+        """True if a plan that was not analysed can be run at all, so that force would help."""
+        try:
+            self._prepared(content, name, options)
+        except GpsfsmError:
+            return False
+        return True
 
     def _refuse_leaves(self, prepared: Prepared, options: CheckOptions) -> None:
         """Raise UsageError for leaves of a tree whose runners would not be admitted in a plan.
@@ -227,7 +242,7 @@ def _permitted(heading: Heading) -> tuple[tuple[Permission, str], ...]:
 def refuse_for_machine(heading: Heading) -> None:
     """Raise UsageError for what a run can do with plans only."""
     reasons = {
-        "a machine is not run as an engine would run it": engine_of(heading) != PAPER_ENGINE,
+        "a machine cannot be run as an engine would run it": engine_of(heading) != PAPER_ENGINE,
         "a scenario of a machine has outcomes for each visit, which runs do not take": (
             heading.mode == SCENARIO
         ),
@@ -260,7 +275,7 @@ def _errors_alone(report: PlanReport) -> PlanReport:
     return replace(report, findings=_errors(report), suppressed=())
 
 
-def _refused(report: PlanReport, reason: Reason, why: str, advice: Advice, whole: str) -> Refused:
+def _refused(report: PlanReport, reason: Reason, why: str, whole: str) -> Refused:
     """The errors are for the journal and for the runner that has submitted the plan."""
     lines = tuple(
         f"{finding.rule} at line {finding.location.line}: {finding.message}"
@@ -268,13 +283,9 @@ def _refused(report: PlanReport, reason: Reason, why: str, advice: Advice, whole
     )
     texts = {
         Reason.FINDINGS: f"the {whole} has errors",
-        Reason.INCONCLUSIVE: f"the {whole} is undecided",
+        Reason.INCONCLUSIVE: f"the {whole} is undecided{'' if lines else f' ({why})'}",
     }
-    nevertheless = " nevertheless" if reason.exit_code == 1 else ""
-    message = (
-        f"{report.path}: {texts.get(reason, why)}, so it is not run; "
-        f"{advice.force} runs it{nevertheless}"
-    )
+    message = f"{report.path}: {texts.get(reason, why)}, so it is not run"
     return Refused(lines or (why,), reason.exit_code, message, _errors_alone(report))
 
 

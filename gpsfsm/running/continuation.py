@@ -42,7 +42,7 @@ def facts_of(shared: Shared, done: Iterable[StepTaker]) -> tuple[str, ...]:
         if not poses:
             return ()
         x, y = (round(each, 2) + 0.0 for each in poses[-1])
-        line = f"- The robot was at x={x:g}, y={y:g} when it was looked up last."
+        line = f"- The robot was at x={x:g}, y={y:g} when it was last looked up."
         return (f"{line} Lengths are in metres.",)
     from gpsfsm.generation.prompt_builder import world_facts
 
@@ -161,11 +161,13 @@ def _going_on(judge: Judge, due: Due) -> Judge:
         print_ = _fingerprint(judgement.plan)
         code, why = ("repeated", repeated[print_]) if print_ in repeated else ("", "")
         if not print_:
-            code, why = "empty", "the plan has no step in which anything is done"
+            code, why = "empty", "the plan has no step that does anything"
         if not why:
             return judgement
         message = f"It is refused: {why}."
-        return replace(judgement, accepted=False, told=message, errors=1, findings=((code, why),))
+        return replace(
+            judgement, accepted=False, feedback=message, errors=1, findings=((code, why),)
+        )
 
     return judged
 
@@ -183,7 +185,7 @@ class _Log:
 
     write: Callable[[QueueRow], None]
 
-    def write_queue(self, at_us: int, row: QueueRow) -> None:  # noqa: ARG002
+    def write_queue(self, _at_us: int, row: QueueRow) -> None:
         """Keep a row."""
         self.write(row)
 

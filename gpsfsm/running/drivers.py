@@ -144,7 +144,7 @@ def _note_wrong_runners(kernel: Kernel, shared: Shared) -> None:
     for problem in wrong_registrations(kernel.bound.values()):
         if problem not in shared.notes:
             shared.notes.add(problem)
-            shared.notify(f"note: {problem}; the simulation goes on without it")
+            shared.notify(f"note: {problem}; the simulation continues without it")
 
 
 def _outcomes(heading: Heading) -> dict[str, Outcome]:
@@ -368,8 +368,8 @@ def _to_write(
     if not files:
         return
     yield (
-        "describe what is missing: write these files into a folder, say in them what the runners "
-        f"take, give and hold, and {advice.capabilities}:"
+        "describe what is missing: write these files into a folder, add to them what the runners "
+        f"take, output and hold, and {advice.capabilities}:"
     )
     for file in [*files][:_MOST_FILES]:
         yield f"  add to {file.path}:" if file.exists else f"  {file.path}:"

@@ -120,7 +120,7 @@ def queues(reader: JournalReader) -> list[StoredQueue]:
     Raises DamagedJournalError, also for rows that no queue writes in this order: what is checked
     before a queue goes on is read from them, and so is what it then runs.
     """
-    found: list[list[tuple[int, QueueRow]]] = []
+    groups: list[list[tuple[int, QueueRow]]] = []
     states: list[PlanState] = []
     runs: dict[int, object] = {}
     for seq, at_us, kind, plan, by, data, message in reader.queue():
@@ -129,9 +129,9 @@ def queues(reader: JournalReader) -> list[StoredQueue]:
             if not isinstance(row.data or {}, dict):
                 raise ValueError("no object")
             # a robot may have been stopped before there was any plan, and is held for that still
-            goes_on = bool(found) and not states and (row.data or {}).get(REAL) is True
-            if not found or (row.kind in _FIRST and plan == 1 and not goes_on):
-                found.append([])
+            goes_on = bool(groups) and not states and (row.data or {}).get(REAL) is True
+            if not groups or (row.kind in _FIRST and plan == 1 and not goes_on):
+                groups.append([])
                 states, runs = [], {}
             recall(states, {}, row, at_us)
             if row.kind is QueueKind.RUN:
@@ -140,8 +140,8 @@ def queues(reader: JournalReader) -> list[StoredQueue]:
             raise DamagedJournalError(
                 f"{reader.path}: decision {seq} of the plan queue is damaged"
             ) from None
-        found[-1].append((at_us, row))
-    return [StoredQueue(tuple(rows)) for rows in found]
+        groups[-1].append((at_us, row))
+    return [StoredQueue(tuple(rows)) for rows in groups]
 
 
 def _take_run(states: Sequence[PlanState], runs: dict[int, object], row: QueueRow) -> None:
@@ -154,22 +154,22 @@ def _take_run(states: Sequence[PlanState], runs: dict[int, object], row: QueueRo
     runs[row.plan] = run
 
 
-def queue_of(known: Sequence[StoredQueue], run: int) -> tuple[int, int] | None:
+def queue_of(stored: Sequence[StoredQueue], run: int) -> tuple[int, int] | None:
     """The number of the queue to which a run belongs, and that of its plan there, both from 1."""
-    for place, queue in enumerate(known, 1):
+    for place, queue in enumerate(stored, 1):
         for plan, number in queue.runs().items():
             if number == run:
                 return place, plan
     return None
 
 
-def chain(known: Sequence[StoredQueue], run: int) -> tuple[int, ...]:
+def chain(stored: Sequence[StoredQueue], run: int) -> tuple[int, ...]:
     """The runs of the chain of plans to which a run belongs, itself included, in order."""
-    found = queue_of(known, run)
-    if found is None:
+    place = queue_of(stored, run)
+    if place is None:
         return (run,)
-    queue, runs = known[found[0] - 1], known[found[0] - 1].runs()
-    plans = chain_of((row for _, row in queue.rows), found[1])
+    queue, runs = stored[place[0] - 1], stored[place[0] - 1].runs()
+    plans = chain_of((row for _, row in queue.rows), place[1])
     return tuple(runs[plan] for plan in plans if plan in runs)
 
 
@@ -181,7 +181,7 @@ class Plans(PlanService):
     """
 
     past: list[QueueRow]
-    known: dict[int, QueueRow]
+    rows: dict[int, QueueRow]
 
     @classmethod
     def of(cls, queue: PlanQueue[Any], plan: int, past: Iterable[QueueRow] = ()) -> Plans:
@@ -193,7 +193,7 @@ class Plans(PlanService):
         if not self.past:
             return PlanService.submit(self, text, name)
         row = self.past.pop(0)
-        self.known[row.plan] = row
+        self.rows[row.plan] = row
         return row.plan
 
     async def submitted(self, text: str, name: str = "") -> int:
@@ -204,7 +204,7 @@ class Plans(PlanService):
 
     def status(self, plan: int) -> str:
         """The status of a plan."""
-        row = self.known.get(plan)
+        row = self.rows.get(plan)
         if row is None:
             return PlanService.status(self, plan)
         refused = row.kind is QueueKind.REFUSED
@@ -212,11 +212,11 @@ class Plans(PlanService):
 
     def findings(self, plan: int) -> tuple[str, ...]:
         """The reasons why a plan was refused; none if it was not."""
-        row = self.known.get(plan)
+        row = self.rows.get(plan)
         if row is None:
             return PlanService.findings(self, plan)
-        found = (row.data or {}).get("findings", [])
-        return tuple(map(str, found)) if isinstance(found, list) else ()
+        findings = (row.data or {}).get("findings", [])
+        return tuple(map(str, findings)) if isinstance(findings, list) else ()
 
 
 class _Closed(PlanQueue[Any]):
@@ -309,7 +309,7 @@ def check_versions(path: str, run: StoredRun, notify: Notify) -> None:
     if version != VERSION:
         notify(
             f"{path}: run {run.number} was run by gpsfsm {version}, this is gpsfsm {VERSION}; the "
-            "rules are the same, but simulated runners may act otherwise"
+            "rules are the same, but simulated runners may act differently"
         )
 
 

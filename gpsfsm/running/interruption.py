@@ -20,17 +20,17 @@ _SIGNALS = tuple(
 )
 _CANCELLING = "gpsfsm: the run is being cancelled"
 _ABORTING = {
-    number: f"{_CANCELLING} because of {number.name}; another one aborts it\n"
+    number: f"{_CANCELLING} because of {number.name}; a second signal aborts it\n"
     for number in _SIGNALS
 } | {signal.SIGINT: f"{_CANCELLING}; Ctrl-C again aborts it\n"}
 
 
 class Interruption:
-    """The wish that runs stop (``requested``) or pause (``paused``), and who acts on it.
+    """A request to stop (``requested``) or pause (``paused``) runs.
 
-    While it is entered, Ctrl-C and SIGTERM request it, and so does the end of the terminal
-    (SIGHUP), unless that is to be ignored; a second signal raises KeyboardInterrupt. One that is
-    never entered comes from nobody but the code that holds it.
+    Within a ``with`` block, Ctrl-C and SIGTERM request a stop, and so does the end of the terminal
+    (SIGHUP), unless it is ignored; a second signal raises KeyboardInterrupt. Without a ``with``
+    block, only the code that holds the object can request anything.
     """
 
     def __init__(self) -> None:
@@ -61,19 +61,19 @@ class Interruption:
         self._before.clear()
 
     def toggle(self) -> None:
-        """Pause, or go on; may be called from any thread."""
+        """Pause or continue; may be called from any thread."""
         self.paused = not self.paused
         if self.on_pause is not None:
             self.on_pause(self.paused)
 
     def request(self) -> None:
-        """Let what runs be cancelled, and nothing more begin."""
+        """Cancel the active runs and start no others."""
         self.requested = True
         if self.on_request is not None:
             self.on_request()
 
     def let_go(self) -> None:
-        """Nothing runs any more that could stop or pause."""
+        """Detach from the runs, because nothing is left to stop or pause."""
         self.on_request = self.on_pause = None
 
     def _signalled(self, number: int, _frame: FrameType | None) -> None:

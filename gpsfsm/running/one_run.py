@@ -86,7 +86,7 @@ class Observer:
     def not_submitted(self, names: Sequence[str]) -> None:
         """An interruption came before the plans with these names were submitted."""
 
-    def run_begins(self, run: Run) -> RunObserver:  # noqa: ARG002
+    def run_begins(self, _run: Run) -> RunObserver:
         """A run begins, or goes on."""
         return RunObserver()
 

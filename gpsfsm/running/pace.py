@@ -156,19 +156,19 @@ def note(
     """The NOTE about what a client does to a run."""
     data: dict[str, RunValue] = {CONTROL: what}
     text = {
-        PAUSE: "a client lets the run stand still",
-        RESUME: "a client lets the run go on",
-        STEP: "a client lets one event happen",
+        PAUSE: "a client has paused the run",
+        RESUME: "a client has continued the run",
+        STEP: "a client has stepped the run by one event",
         FAIL: message,
     }
     if what == SPEED:
         data["speed"] = speed
-        slow = f"so that {speed:g} s of it pass in a second" if speed else "as fast as it can"
-        text[SPEED] = f"a client lets the run go {slow}"
+        pace = f"{speed:g} s of the run per second" if speed else "as fast as possible"
+        text[SPEED] = f"a client has set the speed: {pace}"
     if what == STEP:
         data["events"] = events
         if events > 1:
-            text[STEP] = f"a client lets {events} events happen"
+            text[STEP] = f"a client has stepped the run by {events} events"
     return Input(Kind.NOTE, number, outputs=data, message=text[what])
 
 
@@ -250,7 +250,7 @@ class ClientPace(Pace):
         if self._released or not self._open:
             return _ENDING
         if self.in_past:
-            return "the run is just being taken up again; try once more"
+            return "the run is being resumed; try again"
         if happened.outputs[CONTROL] == FAIL and not self.driver.may_fail(happened.number):
             return _NOT_RUNNING
         self._wishes.append((happened, done))

@@ -33,7 +33,14 @@ from gpsfsm.running.history import Unfinished, begun_run, check_versions, queues
 from gpsfsm.running.interruption import Interruption
 from gpsfsm.running.one_run import LiveRun, RunObserver, StderrObserver
 from gpsfsm.running.prepare import REAL
-from gpsfsm.running.queue_answers import ABOUT_PLANS, KeyedLog, length_of, open_journal, to_json
+from gpsfsm.running.queue_answers import (
+    ABOUT_PLANS,
+    KeyedLog,
+    TracedPlans,
+    length_of,
+    open_journal,
+    to_json,
+)
 from gpsfsm.running.session import OneWorld, Session
 from gpsfsm.running.worlds import Start, Starts
 from gpsfsm.streams import complain
@@ -43,6 +50,7 @@ from gpsfsm.workers.parent_link import ParentLink
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence
+    from typing import Self
 
     from gpsfsm.execution.journal import Journal
     from gpsfsm.execution.queue import PlanState
@@ -56,9 +64,9 @@ _LEAVE_S = 9.0
 """What a run may take to stop when the service ends: more than the grace time of its runners."""
 _NOT_STOPPED = 3
 """The exit code if a run could not be stopped in time."""
-_RESTARTED = "the process that runs the plans was started again"
+_RESTARTED = "the process that runs the plans was restarted"
 _STOPPED = "the service was stopped"
-_NOT_REAL = "a run of real runners goes as fast as they do: it has no steps, and none is let fail"
+_NOT_REAL = "a run of real runners cannot be stepped, sped up or made to fail"
 
 
 class _Setting(OneWorld):
@@ -93,6 +101,7 @@ class RealQueue(StderrObserver):
         self.keys: dict[str, int] = {}
         self.numbers: dict[int, int] = {}
         self.starts = Starts()
+        self.traced = TracedPlans()
         self.over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self.head = head
         outbox: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
@@ -177,7 +186,7 @@ class RealQueue(StderrObserver):
             if self._attempts(queue.rows, plan) >= _MOST_ATTEMPTS:
                 complain(
                     f"plan {plan} is cancelled, but what it still does outside is unknown: "
-                    f"{_MOST_ATTEMPTS} times the process that was to stop it has ended"
+                    f"the process that should stop it has ended {_MOST_ATTEMPTS} times"
                 )
                 continue
             run = reader.run(runs[plan])
@@ -233,6 +242,7 @@ class RealQueue(StderrObserver):
             finally:
                 self._log.key, self._log.start = "", None
             self.keys[head["key"]] = plan
+            self.traced.submitted(plan, head)
             return to_json(self, self.queue.state(plan))
 
     async def cancel(self, head: dict[str, Any], _: bytes) -> dict[str, Any]:
@@ -389,6 +399,15 @@ class _Watch(RunObserver):
         self._until_s = time.monotonic() + served.head["run_s"]
         self._noted_s = 0.0
         self._unsent = self._over = False
+
+    def __enter__(self) -> Self:
+        assert self._run.state is not None
+        self._traced = self._served.traced.begun(self._run.state)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if (spans := self._traced()) is not None:
+            self._served.send(spans)
 
     def __call__(self, *_: object, **__: object) -> None:
         """Something has happened in the run."""

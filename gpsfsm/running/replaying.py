@@ -22,11 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ReplayedRun:
-    """A run of a journal after its replay; it is true if all of its events are the same.
+    """The replay of one run of a journal; it is true if all events are the same.
 
-    ``run`` is its number, ``status`` how it ended, ``events`` how many were compared. ``again``: it
-    was also simulated once more, from its beginning. ``difference`` tells the first event that
-    differs ("": none does); ``run`` is 0 where a link between runs is what differs.
+    - ``run``: the number of the run; 0 if a link between runs differs.
+    - ``status``: how the run ended; ``events``: the number of events that were compared.
+    - ``again``: the run was also simulated once more, from its beginning.
+    - ``difference``: describes the first event that differs; "" if none does.
     """
 
     run: int
@@ -55,7 +56,7 @@ class Replayed:
         return next((each.difference for each in self.runs if not each), "")
 
     def to_dict(self) -> dict[str, Any]:
-        """The result for programs."""
+        """The result as data."""
         return {
             "same": bool(self),
             "runs": [
@@ -80,12 +81,12 @@ def replayed_runs(journal: str, number: int | None, notify: Notify) -> Iterator[
     with JournalReader(journal) as reader:
         note = reader.check()
         last = reader.run(number).number
-        known = queues(reader)
-        runs = chain(known, last) if number is None else (last,)
-        place = queue_of(known, last)
+        stored = queues(reader)
+        runs = chain(stored, last) if number is None else (last,)
+        place = queue_of(stored, last)
         link = ""
         if place is not None:
-            link = broken_link(row for _, row in known[place[0] - 1].rows)
+            link = broken_link(row for _, row in stored[place[0] - 1].rows)
     if link:
         yield ReplayedRun(0, None, 0, difference=link)
         return

@@ -53,8 +53,8 @@ class Resumption:
         self.run = _run_of(reader, self.queue, number)
         if self.run.mode == FABRIC:
             raise UsageError(
-                f"run {self.run.number} was driven by a Fabric server, which alone could go on "
-                "with it; 'gpsfsm dispatch' submits the plan anew"
+                f"run {self.run.number} was driven by a Fabric server, and only that server could "
+                "continue it; 'gpsfsm dispatch' submits the plan again"
             )
         if not self.ended:
             _refuse_served(reader, self.run)
@@ -168,8 +168,8 @@ def refuse_empty(path: str) -> None:
     except EmptyJournalError:
         pass
     raise InputError(
-        f"{path}: no run is in it. If it is a copy, copy {path}-wal and {path}-seen to it as well; "
-        "else nothing of the plan has been run: run it again"
+        f"{path}: it contains no run. If it is a copy, copy {path}-wal and {path}-seen as well; "
+        "otherwise nothing of the plan has been run: run it again"
     )
 
 
@@ -227,9 +227,9 @@ def _refuse_served(reader: JournalReader, run: StoredRun) -> None:
     rows = [row for _, row in every[place[0] - 1].rows if row.kind is QueueKind.SUBMITTED]
     if any((row.data or {}).get(REAL) is True for row in rows):
         raise UsageError(
-            f"{reader.path}: these plans were set for a robot by clients of a service; start "
-            "'gpsfsm serve --real' with this journal: it cancels what ran, and lets nothing begin "
-            "until somebody releases the queue"
+            f"{reader.path}: these plans were queued for a robot by clients of a service; start "
+            "'gpsfsm serve --real' with this journal: it cancels the plan that was running, and "
+            "starts nothing until the queue is released"
         )
 
 
@@ -241,6 +241,6 @@ def _refuse_other_worlds(path: str, queue: StoredQueue, plan: int) -> None:
     waiting = [each for each in queue.open() if each not in runs]
     if any(starts.root(each) != starts.root(plan) for each in waiting):
         raise UsageError(
-            f"{path}: plans wait that clients of the service have put into several worlds; let "
-            "'gpsfsm serve' go on with them"
+            f"{path}: waiting plans belong to several worlds, chosen by clients of the service; "
+            "let 'gpsfsm serve' continue them"
         )

@@ -95,9 +95,9 @@ class _Request:
         self._refuse_kinds()
         self._refuse_values()
         if self.world is not None and self.is_real:
-            raise UsageError("world and real runners contradict each other")
+            raise UsageError("world and real runners cannot be used together")
         if self.failure is not None and (self.world is not None or self.is_real):
-            raise UsageError("failure has no meaning with a world or real runners")
+            raise UsageError("failure cannot be used with a world or real runners")
         if self.plan is None:
             self._refuse_of_new_runs()
         if self.model is not None and self.plan is not None and self.mode == DRAWN:
@@ -145,16 +145,16 @@ class _Request:
                 "timeout_s", f"seconds, more than 0 and at most {_MOST_S:g}", self.timeout_s
             )
         if self.max_plans < 1:
-            raise misused("max_plans", "a whole number from 1 on", self.max_plans)
+            raise misused("max_plans", "a whole number of at least 1", self.max_plans)
 
     def _refuse_of_new_runs(self) -> None:
         """Raise UsageError for what only a new run can take: one in a journal has its own."""
         if self.journal is None:
-            raise UsageError("there is neither a plan nor a journal to go on with")
+            raise UsageError("there is neither a plan nor a journal to continue")
         for name, default in _OF_NEW_RUNS.items():
             if getattr(self, name) != default:
                 raise UsageError(
-                    f"{name} needs a plan: without one, the run in the journal goes on as it began"
+                    f"{name} needs a plan: without one, the journal's run continues as it began"
                 )
 
     def _refuse_event_loop(self) -> None:
@@ -166,8 +166,8 @@ class _Request:
         except RuntimeError:
             return
         raise UsageError(
-            "gpsfsm.run lets no real runners act, and asks no model, while an event loop runs in "
-            "this thread: await gpsfsm.run_async there"
+            "gpsfsm.run cannot use real runners or a model while an event loop runs in "
+            "this thread: await gpsfsm.run_async instead"
         )
 
     @property
@@ -433,16 +433,26 @@ def run(
     force: bool = False,
     interruption: Interruption | None = None,
 ) -> RunResult:
-    """Check a plan and run it, as ``gpsfsm run`` does: its text, the path of a file, or several.
+    """Check one or more plans and run them, as ``gpsfsm run`` does.
 
-    Its outcomes are drawn; with ``world``, a file, it is simulated there; with ``real`` installed
-    runners act, and so do those of ``runners``: classes by the names of providers or interfaces,
-    which capability files have to describe. ``model`` is asked by runners, and for a plan that
-    goes on where one gives up. ``interruption`` can be requested from another thread.
+    ``plan`` is the text of a plan, the path of its file, or a list of these.
 
-    A plan that the gate refuses is not run: its status is REFUSED. Without a plan, what ``journal``
-    holds unfinished goes on as it began: with its world, its seed and its bounds, for which there
-    are no arguments then. Raises GpsfsmError if nothing can be run.
+    - By default outcomes are drawn at random, from ``seed``. With ``world``, a world file, the plan
+      is simulated in that world.
+    - With ``real``, installed runners act; so do the classes in ``runners``, whose keys are names
+      of providers or interfaces that a capability file describes.
+    - ``model`` answers the prompts of runners, and writes a new plan after a plan gives up.
+    - ``failure`` is the probability that an action fails, ``timeout_s`` the time limit of an action
+      in seconds.
+    - ``interruption`` lets another thread cancel or pause the run.
+
+    The other arguments are options of ``gpsfsm run``.
+
+    A plan that the gate refuses is not run: its status is REFUSED. Without ``plan``, the unfinished
+    runs of ``journal`` continue with the world, seed and limits that they began with; you cannot
+    pass these again.
+
+    Raises GpsfsmError if nothing can be run.
 
     >>> result = run('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>', failure=0.0)
     >>> result.status.value, [event.kind for event in result.plans[0].events][-1]
@@ -470,7 +480,7 @@ async def run_async(
     force: bool = False,
     interruption: Interruption | None = None,
 ) -> RunResult:
-    """``run`` for an event loop that goes on meanwhile. Cancelling it cancels the run."""
+    """``run`` without blocking the event loop. Cancelling the task cancels the run."""
     request = _Request(**locals())
     import asyncio
 

@@ -24,9 +24,11 @@ if TYPE_CHECKING:
 class PlanEnding:
     """The end of a plan.
 
-    ``number`` is that of the plan in its queue, ``run`` that of its run in the journal: 0 for none.
-    ``findings`` say why a plan was refused, ``continues`` which plan it went on for (0 for none).
-    ``events`` are those of its run, as a journal has them; ``summary`` says how it went.
+    - ``number``: the number of the plan in its queue; ``run``: that of its run in the journal, 0
+      for none.
+    - ``continues``: the number of the plan that this one continues; 0 for none.
+    - ``findings``: the reasons for which a plan was refused.
+    - ``events``: the events of the run, as in a journal; ``summary``: how the run went.
     """
 
     number: int
@@ -39,7 +41,7 @@ class PlanEnding:
     summary: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """The end for programs; an event is a line of ``gpsfsm run --format json``."""
+        """The end as data; an event is a line of ``gpsfsm run --format json``."""
         return {
             "number": self.number,
             "name": self.name,
@@ -54,10 +56,10 @@ class PlanEnding:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """The ends of the plans of ``gpsfsm.run``, in the order in which they came.
+    """The result of ``gpsfsm.run``: how the plans ended, in the order in which they ended.
 
-    It is true if all have completed, or were continued by plans that have. ``notices`` are for
-    people, ``journal`` is the path of the journal, "" for none.
+    It is true if every plan completed or was continued by a plan that completed. ``notices`` are
+    messages for people. ``journal`` is the path of the journal, "" for none.
     """
 
     plans: tuple[PlanEnding, ...]
@@ -66,7 +68,7 @@ class RunResult:
 
     @property
     def status(self) -> Status:
-        """COMPLETED, or how the first plan ended that did not complete and was not continued."""
+        """COMPLETED, or the status of the first plan that neither completed nor was continued."""
         continued = {each.continues for each in self.plans if each.status is not Status.REFUSED}
         last = [each.status for each in self.plans if each.number not in continued - {0}]
         return next((each for each in last if each is not Status.COMPLETED), Status.COMPLETED)
@@ -75,7 +77,7 @@ class RunResult:
         return bool(self.plans) and self.status is Status.COMPLETED
 
     def to_dict(self) -> dict[str, Any]:
-        """The result for programs: the ends of the plans, with their events."""
+        """The result as data: the ends of the plans, with their events."""
         return {
             "completed": bool(self),
             "status": self.status.value,
@@ -106,7 +108,7 @@ class _RunCollector(RunObserver):
         self._kept.rows += self._maker.make(at_us, happened, records)
         self._kept.tally.add(at_us, records)
 
-    def recall(self, rows: Sequence[Row], kernel: Any) -> None:  # noqa: ARG002
+    def recall(self, rows: Sequence[Row], _kernel: Any) -> None:
         """Take in what another process has journaled of the run."""
         self._kept.rows += rows
         self._maker.seq = rows[-1].seq if rows else 0

@@ -10,7 +10,7 @@ from gpsfsm.files import read_whole
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import ENGINES, PAPER_ENGINE
-from gpsfsm.strict_json import strict_loads
+from gpsfsm.strict_json import json_defect, strict_loads
 
 if TYPE_CHECKING:
     from gpsfsm.model.plan import Plan
@@ -49,7 +49,7 @@ def read_scenario(file: str, plan: str, finding: int | None = None) -> FromFile:
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{file}: is no JSON: {error}"[:500]) from error
+        raise InputError(json_defect(file, error)) from error
     try:
         chosen = _chosen(data, plan, finding, file)
         return replace(_scenario(chosen, file), engine=_engine(data, chosen))
@@ -126,7 +126,7 @@ def check_scenario(scenario: FromFile, plan: Plan, file: str) -> None:
         if element not in paths:
             shown = clip(element, 200)
             raise UsageError(
-                f"{file}: the scenario is about {shown}, which is no runner of this plan; "
+                f"{file}: the scenario is about {shown}, which is not a runner of this plan; "
                 "was the plan changed after it was checked?"
             )
 

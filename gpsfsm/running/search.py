@@ -37,7 +37,7 @@ _FOLLOW_UP_PART = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchOptions:
-    """How long to search, and what is good enough (``gpsfsm generate``)."""
+    """The time of a search, and what is good enough (``gpsfsm generate``)."""
 
     attempts: int = 3
     candidates: int = 1
@@ -60,7 +60,7 @@ class Search:
 
     @property
     def session(self) -> Session:
-        """What is written down before the model is asked."""
+        """The data that are written down before the model is asked."""
         return session_for(
             self.prompt,
             self.model,
@@ -127,7 +127,7 @@ class Search:
 
 
 def keeper_of(journal: str | None, stack: ExitStack) -> Keeper | None:
-    """Who keeps the attempts in the journal with this path. Raises JournalError."""
+    """The keeper of the attempts in the journal with this path. Raises JournalError."""
     if journal is None:
         return None
     from gpsfsm.execution.journal import Journal
@@ -142,7 +142,7 @@ def keeper_of(journal: str | None, stack: ExitStack) -> Keeper | None:
 def valid_task(task: str | None) -> str:
     """The task without blanks around it. Raises UsageError for none, and for a long one."""
     if task is None or not task.strip():
-        raise UsageError("there is no task: say in quotes what the robot is to do")
+        raise UsageError("there is no task: describe in quotes what the robot should do")
     if len(task.strip()) > MAX_TASK:  # a run would find out when its plan has given up
         raise UsageError(f"the task is longer than {MAX_TASK:,} characters")
     return task.strip()
@@ -174,18 +174,18 @@ def prompt_options(
 
 def text_in(file: str) -> str:
     """The content of a text file, not empty; ``-`` is standard input. Raises InputError."""
-    found = Input(STDIN, stdin=True) if file == "-" else Input(str(Path(file)))
+    source = Input(STDIN, stdin=True) if file == "-" else Input(str(Path(file)))
     try:
-        content = read_bytes(found, _MAX_BYTES)
+        content = read_bytes(source, _MAX_BYTES)
         if len(content) > _MAX_BYTES:
             raise InputError(f"is larger than {_MAX_BYTES} bytes")
         text = content.decode("utf-8-sig")
     except InputError as error:
-        raise InputError(f"{found.path}: {error}") from error
+        raise InputError(f"{source.path}: {error}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{found.path}: is not UTF-8 text (byte {error.start + 1})") from error
+        raise InputError(f"{source.path}: is not UTF-8 text (byte {error.start + 1})") from error
     if not text.strip():
-        raise InputError(f"{found.path}: is empty")
+        raise InputError(f"{source.path}: is empty")
     return text
 
 
@@ -196,5 +196,5 @@ def _example(file: str) -> str:
     if parsed.plan is None or parsed.problems:
         first = parsed.problems[0]
         where = f"{file}:{first.location.line}:{first.location.column}"
-        raise InputError(f"{where}: this example is no good plan: {first.message}")
+        raise InputError(f"{where}: this example is not a correct plan: {first.message}")
     return text.strip()

@@ -29,7 +29,14 @@ from gpsfsm.running.history import OF_ONE_RUN, begun_run, check_versions, queues
 from gpsfsm.running.one_run import RunObserver, StderrObserver
 from gpsfsm.running.pace import FAIL, ClientPace, note
 from gpsfsm.running.prepare import REAL, stored
-from gpsfsm.running.queue_answers import ABOUT_PLANS, KeyedLog, length_of, open_journal, to_json
+from gpsfsm.running.queue_answers import (
+    ABOUT_PLANS,
+    KeyedLog,
+    TracedPlans,
+    length_of,
+    open_journal,
+    to_json,
+)
 from gpsfsm.running.session import Session
 from gpsfsm.running.worlds import NAME, Start, Starts, Worlds, choices
 from gpsfsm.streams import complain
@@ -76,6 +83,7 @@ class ServiceQueue(StderrObserver):
         self.numbers: dict[int, int] = {}
         self.running: tuple[int, ClientPace] | None = None
         self.starts = Starts()
+        self.traced = TracedPlans()
         self._head, self._stack = head, stack
         self._paces: dict[int, ClientPace] = {}
         capabilities = choose_capabilities(
@@ -183,8 +191,8 @@ class ServiceQueue(StderrObserver):
         self._session.take_up(left)
         for state in self.queue.states():
             if not state.status.ended and state.attempts >= _MOST_ATTEMPTS:
-                times = f"{state.attempts} times the process that ran it has ended"
-                self.queue.cancel(state.plan, f"{times}; its memory may have run out")
+                ended = f"the process that ran it has ended {state.attempts} times"
+                self.queue.cancel(state.plan, f"{ended}; its memory may have run out")
 
     def _read(self, reader: JournalReader) -> Unfinished | None:
         every = queues(reader)
@@ -210,10 +218,8 @@ class ServiceQueue(StderrObserver):
         of_run = {}
         if begun:
             of_run = {begun: begun_run(reader, reader.run(runs[begun]), queue)}
-        known = {each.number: each for each in reader.runs()}
-        over = {
-            plan: known[number].id for plan, number in runs.items() if known[number].status.ended
-        }
+        ids = {each.number: each.id for each in reader.runs() if each.status.ended}
+        over = {plan: ids[number] for plan, number in runs.items() if number in ids}
         self.worlds.take_up(reader.path, queue, over)
         return unfinished(reader, queue, self._base, of_run)
 
@@ -254,8 +260,8 @@ class ServiceQueue(StderrObserver):
         else:
             with JournalReader(head["journal"]) as reader:
                 run = reader.run(numbers[-1])
-                asked = stored(reader, run), past, self._stack
-                left = model_left(reader, run, settings, asked)
+                state = stored(reader, run), past, self._stack
+                left = model_left(reader, run, settings, state)
             assert left is not None
             service = left
         service.model = PollingModel(service.model, self._poll_now)
@@ -284,6 +290,8 @@ class _Watch(RunObserver):
 
     def __enter__(self) -> Self:
         self._served.running = (self._plan, self._pace)
+        assert self._run.state is not None
+        self._traced = self._served.traced.begun(self._run.state)
         return self
 
     def __exit__(
@@ -293,8 +301,10 @@ class _Watch(RunObserver):
         trace: TracebackType | None,
     ) -> None:
         self._served.running = None
+        if (spans := self._traced()) is not None:
+            self._served.tell(spans)
 
-    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:  # noqa: ARG002
+    def __call__(self, _at_us: int, happened: Input, _records: Sequence[Record]) -> None:
         """Something has happened in the run."""
         if self._pace.in_past:
             return  # nothing may intervene there
@@ -303,7 +313,7 @@ class _Watch(RunObserver):
         if happened.kind not in MARKS:  # inside of a runner nothing may intervene, either
             self.tick(0)
 
-    def tick(self, now_us: int) -> None:  # noqa: ARG002
+    def tick(self, _now_us: int) -> None:
         """See what the service has asked for, and what time it is."""
         self._tell()
         ended = self._run.kernel.status.ended
@@ -399,15 +409,16 @@ def _answer(link: ParentLink, served: ServiceQueue, head: dict[str, Any], body: 
 
 
 def _submit(served: ServiceQueue, head: dict[str, Any], body: bytes) -> dict[str, Any]:
-    known = served.keys.get(head["key"])
-    if known is None:
+    plan = served.keys.get(head["key"])
+    if plan is None:
         if why := served.full():
             return {"problem": 429, "detail": why, "retry_s": 5}
         start = Start.of(head.get("start") or {}, "")
         if start is not None and start.world and start.world not in served.worlds.offered:
             return {"problem": 422, "detail": f"start: there is no world '{start.world:.60}'"}
-        known = served.submit(body, head["name"], head["key"], start)
-    return to_json(served, served.queue.state(known))
+        plan = served.submit(body, head["name"], head["key"], start)
+        served.traced.submitted(plan, head)
+    return to_json(served, served.queue.state(plan))
 
 
 def _cancel(served: ServiceQueue, head: dict[str, Any], _: bytes) -> dict[str, Any]:
@@ -451,19 +462,19 @@ def _instance(pace: ClientPace, head: dict[str, Any]) -> int:
 
 
 def _worlds(served: ServiceQueue, _head: dict[str, Any], _: bytes) -> dict[str, Any]:
-    known = [each.to_json() for each in served.worlds.offered.values()]
-    return {"worlds": [{**each, "default": not place} for place, each in enumerate(known)]}
+    worlds = [each.to_json() for each in served.worlds.offered.values()]
+    return {"worlds": [{**each, "default": not place} for place, each in enumerate(worlds)]}
 
 
 def _world(served: ServiceQueue, head: dict[str, Any], _: bytes) -> dict[str, Any]:
     """The outline of a world for a map."""
-    found = served.worlds.offered.get(head["world"])
-    if found is None or not found.content:
+    choice = served.worlds.offered.get(head["world"])
+    if choice is None or not choice.content:
         return {"problem": 404, "detail": "there is no such world"}
     from gpsfsm.simulation.load import read_world
     from gpsfsm.simulation.world import outline
 
-    return {"outline": {"world": found.name, **outline(read_world(found.content))}}
+    return {"outline": {"world": choice.name, **outline(read_world(choice.content))}}
 
 
 _OPS = {

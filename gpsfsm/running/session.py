@@ -85,11 +85,11 @@ class OneWorld:
         """The model that all plans share."""
         return self._shared.model
 
-    def shared(self, plan: int) -> Shared:  # noqa: ARG002
+    def shared(self, _plan: int) -> Shared:
         """The state that all plans share."""
         return self._shared
 
-    def root(self, plan: int) -> int:  # noqa: ARG002
+    def root(self, _plan: int) -> int:
         """There is but one."""
         return 0
 
@@ -102,7 +102,7 @@ class OneWorld:
             options["follows"] = self._ids[-1]
         return replace(base, seed=base.seed + plan - 1, options=options)
 
-    def began(self, plan: int, run: str) -> None:  # noqa: ARG002
+    def began(self, _plan: int, run: str) -> None:
         """A plan runs."""
         self._ids.append(run)
 

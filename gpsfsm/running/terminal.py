@@ -83,7 +83,7 @@ class Terminal(StderrObserver):
         continued = data.get("continues")
         if row.kind is QueueKind.ASKED:
             model = clip(str(data.get("model", "")), 200)
-            self._write(f"plan {row.plan} gave up; {model} is asked for a plan that goes on")
+            self._write(f"plan {row.plan} gave up; {model} is asked for a plan that continues it")
         elif row.kind is QueueKind.ATTEMPT:
             from gpsfsm.generation.attempt_log import attempt_line, attempt_of
 
@@ -123,7 +123,7 @@ class Terminal(StderrObserver):
         self.codes[plan] = 2
         complain(message)
 
-    def not_submitted(self, names: Sequence[str]) -> None:  # noqa: ARG002
+    def not_submitted(self, _names: Sequence[str]) -> None:
         """An interruption came before these plans were submitted."""
         self.codes[0] = 130
 
@@ -184,7 +184,7 @@ class Terminal(StderrObserver):
             view.say(f"The scenario says {self._show.claim}, which this run did not do.")
         could = run.prepared.heading.mode in _GO_ON and "model" not in options
         if could and status is Status.GAVE_UP:
-            view.say("No model is named (--model) that could write a plan which goes on from here.")
+            view.say("No model that could write a plan to continue from here is named (--model).")
         self.codes[run.state.plan] = exit_code(status, self._interruption)
 
 

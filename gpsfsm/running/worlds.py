@@ -49,8 +49,8 @@ class Start:
     def of(cls, data: Mapping[str, Any], prefix: str = _PREFIX) -> Start | None:
         """The beginning in the data of a row; None without one."""
         names = [each.name for each in fields(cls)]
-        found = {name: data[prefix + name] for name in names if prefix + name in data}
-        return cls(**found) if found else None
+        values = {name: data[prefix + name] for name in names if prefix + name in data}
+        return cls(**values) if values else None
 
     def data(self) -> dict[str, RunValue]:
         """As a row keeps it."""
@@ -59,7 +59,7 @@ class Start:
 
 
 class Starts:
-    """How the plans of a queue are to begin, by its rows.
+    """The beginnings of the plans of a queue, by its rows.
 
     A plan that a client has not submitted begins as the one that submitted it, or that it goes on
     for, and in its world; but a pause is nothing that it inherits.
@@ -74,17 +74,17 @@ class Starts:
         if row.kind is not QueueKind.SUBMITTED:
             return
         self._by[row.plan] = row.by
-        found = Start.of(row.data or {})
-        if found is not None:
-            self._own[row.plan] = found
+        start = Start.of(row.data or {})
+        if start is not None:
+            self._own[row.plan] = start
 
     def of(self, plan: int) -> Start:
         """The beginning of a plan."""
-        found = self._above(plan, lambda _: True)
-        if not found:
+        source = self._above(plan, lambda _: True)
+        if not source:
             return Start()
-        own = self._own[found]
-        return own if found == plan else replace(own, paused=False)
+        own = self._own[source]
+        return own if source == plan else replace(own, paused=False)
 
     def root(self, plan: int) -> int:
         """The plan with which the world began in which a plan runs; 0 for that of the service."""
@@ -92,9 +92,9 @@ class Starts:
 
     def seed(self, plan: int, base: int) -> int:
         """The seed of a plan, where those of the service begin with ``base``."""
-        found = self._above(plan, lambda own: own.seed is not None)
-        seed = self._own[found].seed if found else None
-        return base + plan - 1 if seed is None else seed + plan - found
+        source = self._above(plan, lambda own: own.seed is not None)
+        seed = self._own[source].seed if source else None
+        return base + plan - 1 if seed is None else seed + plan - source
 
     def _above(self, plan: int, wanted: Any) -> int:
         """The plan itself, or that above it, which says what is wanted; 0 if none does."""
@@ -128,23 +128,23 @@ def choices(files: list[list[str]], library: Library) -> dict[str, Choice]:
     from gpsfsm.files import read_whole
     from gpsfsm.simulation.load import read_world
 
-    found = {}
+    offered = {}
     for name, file in files:
         try:
             content = read_whole(file, _MOST_BYTES)
         except InputError as error:
             raise InputError(f"{file}: {error}") from error
         title = read_world(content, file=file, library=library).name or name
-        found[name] = Choice(name, title, WORLD, content)
+        offered[name] = Choice(name, title, WORLD, content)
     always = (
         Choice(_DRAWN, "no world: outcomes are drawn", DRAWN),
         Choice(_FIELD, "open field", WORLD, b"world: open field\n"),
     )
-    return {**found, **{each.name: each for each in always if each.name not in found}}
+    return {**offered, **{each.name: each for each in always if each.name not in offered}}
 
 
 class Worlds:
-    """What goes on from plan to plan. A world begins with its first plan, its ``root``.
+    """The state that goes on from plan to plan. A world begins with its first plan, its ``root``.
 
     ``take_up`` tells of the runs of an earlier process. What they leave behind is simulated only
     when another plan needs it.
@@ -207,23 +207,23 @@ class Worlds:
         return simulated_world(past, self._notify)
 
     def options(self, plan: int) -> dict[str, RunValue]:
-        """What the heading of a run says of its world: which, since when, and where the robot is.
+        """The world in the heading of a run: which, since when, and where the robot is.
 
         Raises InputError and ReplayDivergence.
         """
         choice, root, shared = self.choice(plan), self._starts.root(plan), self.shared(plan)
-        found: dict[str, RunValue] = {NAME: choice.name}
+        heading: dict[str, RunValue] = {NAME: choice.name}
         if choice.mode != WORLD:
-            return found
-        found[MAPPED] = True
+            return heading
+        heading[MAPPED] = True
         if root in self._last:
-            found[FOLLOWS] = self._last[root]
+            heading[FOLLOWS] = self._last[root]
         if shared.state is not None:
             pose = shared.state.pose(shared.past_us / 1_000_000)
-            found["begun_us"] = shared.past_us
-            found["pose"] = [round(each, _DIGITS) for each in (pose.x, pose.y, pose.yaw)]
-            found["closed_zones"] = [*shared.state.zones.closed(shared.past_us / 1_000_000)]
-        return found
+            heading["begun_us"] = shared.past_us
+            heading["pose"] = [round(each, _DIGITS) for each in (pose.x, pose.y, pose.yaw)]
+            heading["closed_zones"] = [*shared.state.zones.closed(shared.past_us / 1_000_000)]
+        return heading
 
     def root(self, plan: int) -> int:
         """The plan with which the world of this one began; 0 for that of the service."""

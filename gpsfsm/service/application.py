@@ -13,11 +13,15 @@ from contextlib import asynccontextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
+from gpsfsm import logs
 from gpsfsm.errors import GpsfsmError
+from gpsfsm.model.printable import clip
 from gpsfsm.service.clients import Proxies
+from gpsfsm.service.entrance import ENDPOINT, VERDICT, Entrance
 from gpsfsm.service.registry import all_endpoints
 from gpsfsm.service.settings import host_of, is_loopback
 from gpsfsm.service.shapes import CONTENT_TYPE, Problem
+from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Mapping
@@ -30,6 +34,7 @@ if TYPE_CHECKING:
     from gpsfsm.service.core import Core
     from gpsfsm.service.registry import Endpoint
     from gpsfsm.service.settings import Settings
+    from gpsfsm.service.traces import Traces
 
 _COME_AGAIN_S = 0.5
 """Who is told to come again is told so late: not everybody waits as long as Retry-After says."""
@@ -37,14 +42,18 @@ _COME_AGAIN_S = 0.5
 _NO_STORE = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
 
 
-def make_app(settings: Settings) -> Starlette:
-    """The application; it starts its processes when the server says that it begins."""
+def make_app(settings: Settings, traces: Traces | None = None) -> Starlette:
+    """The application; it starts its processes when the server says that it begins.
+
+    Without ``traces`` it has those that its settings and the environment name.
+    """
     from starlette.applications import Starlette
     from starlette.routing import Route
 
     from gpsfsm.service.core import Core
+    from gpsfsm.service.traces import start_traces
 
-    core = Core(settings)
+    core = Core(settings, start_traces(settings.otel) if traces is None else traces)
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
@@ -53,10 +62,14 @@ def make_app(settings: Settings) -> Starlette:
         except GpsfsmError as error:
             app.state.failure = error  # Starlette and uvicorn do not pass it on
             raise
+        except Exception as error:
+            logs.failure("not_started", "the service could not start", error)
+            raise
         try:
             yield
         finally:
             await core.close()
+            await asyncio.to_thread(core.traces.close)
 
     routes = [
         Route(each.path, partial(_answer, core, each), methods=[each.method], name=each.name)
@@ -69,6 +82,7 @@ def make_app(settings: Settings) -> Starlette:
     )
     app.router.redirect_slashes = False
     app.add_middleware(Guard, settings=settings)
+    app.add_middleware(Entrance, settings=settings, traces=core.traces)
     app.state.core, app.state.failure = core, None
     return app
 
@@ -76,8 +90,13 @@ def make_app(settings: Settings) -> Starlette:
 async def _answer(core: Core, wanted: Endpoint, request: Request) -> Response:
     """Answer a request, whatever happens."""
     began_s = time.monotonic()
+    request.scope[ENDPOINT] = wanted
     response = await _settled(core, wanted, request)
     response.headers.update(_NO_STORE)
+    if wanted.refuses:
+        answer = strict_loads(bytes(response.body))
+        core.metrics.decided(answer["verdict"], answer["reason"])
+        request.scope[VERDICT] = answer["verdict"]
     core.metrics.answered(wanted.name, response.status_code, time.monotonic() - began_s)
     return response
 
@@ -98,6 +117,7 @@ async def _settled(core: Core, wanted: Endpoint, request: Request) -> Response:
         return _response(Problem(400, "the connection was closed"), refuses=wanted.refuses)
     except Exception as error:
         message = f"the request failed ({type(error).__name__}); this is a defect of gpsfsm"
+        logs.failure("request_failed", message, error, endpoint=wanted.name)
         return _response(Problem(500, message), refuses=wanted.refuses)
 
 
@@ -140,20 +160,32 @@ def _response(problem: Problem, *, refuses: bool = False) -> Response:
 
 
 async def _not_there(_request: Request, _error: Exception) -> Response:
-    return _response(Problem(404, "there is nothing here; /openapi.json tells what there is"))
+    return _response(Problem(404, "there is nothing here; /openapi.json lists the endpoints"))
 
 
 async def _not_so(_request: Request, error: Exception) -> Response:
     headers = getattr(error, "headers", None) or {}
-    return _response(Problem(405, "not with this method", headers=headers))
+    allowed = headers.get("Allow", "another method")
+    return _response(
+        Problem(405, f"this method is not allowed here; use {allowed}", headers=headers)
+    )
 
 
 async def _broken(_request: Request, error: Exception) -> Response:
-    return _response(Problem(500, f"the request failed ({type(error).__name__})"))
+    return _response(
+        Problem(500, f"the request failed ({type(error).__name__}); this is a defect of gpsfsm")
+    )
 
 
 _CLOSE = {"connection": "close"}  # a body that nobody reads may follow
-_OTHERS = "pages of other sites may not ask"
+_NONE_SHOWN = (
+    "a token is needed: send the header 'Authorization: Bearer TOKEN'. The tokens are those in the "
+    "file that --token-file names, or in GPSFSM_TOKEN"
+)
+_OTHER_SHOWN = (
+    "the Authorization header has no token of this service: it must be 'Bearer TOKEN', with "
+    "one from the file that --token-file names, or from GPSFSM_TOKEN"
+)
 _READING = ("GET", "HEAD")
 _SCHEMES = ("http", "https")
 _ONCE = frozenset(
@@ -203,11 +235,11 @@ class Guard:
 
     def _problem(self, scope: Scope) -> Problem | None:
         if not scope["path"].startswith("/"):  # http://… or *: which host is meant, nobody knows
-            return Problem(400, "the target of a request has to be a path", headers=_CLOSE)
+            return Problem(400, "the target of a request must be a path", headers=_CLOSE)
         headers: dict[bytes, bytes] = {}
         for name, value in scope["headers"]:
             if name in _ONCE and name in headers:
-                message = f"the header {name.decode()} is there twice"
+                message = f"the header {name.decode()} is repeated"
                 return Problem(400, message, headers=_CLOSE)
             headers[name] = value
         public = self._public.fullmatch(scope["path"]) is not None
@@ -218,7 +250,8 @@ class Guard:
         if public or token is not None:
             return None
         needed = {"www-authenticate": 'Bearer realm="gpsfsm"', **_CLOSE}
-        return Problem(401, "a token is needed: Authorization: Bearer …", headers=needed)
+        shown = b"authorization" in headers
+        return Problem(401, _OTHER_SHOWN if shown else _NONE_SHOWN, headers=needed)
 
     def _number(self, header: bytes) -> int | None:
         """The number of the token shown; all are compared, so that the time says nothing."""
@@ -234,17 +267,45 @@ def _stranger(
     shown = headers.get(b"host", b"").decode("latin-1")
     host, origin = host_of(shown), headers.get(b"origin")
     if host is None or not (is_loopback(host) or host in names):
-        return Problem(421, "the Host header does not name this service", headers=_CLOSE)
+        return Problem(421, _unnamed(host), headers=_CLOSE)
     reads = method in _READING
     if origin is not None:
         scheme, _, place = origin.decode("latin-1").partition("://")
         other = host_of(place) if scheme in _SCHEMES else None
         same = place.lower() == shown.lower() or other in names
         if other is None or not (same or (reads and is_loopback(other))):
-            return Problem(403, _OTHERS, headers=_CLOSE)
+            return Problem(403, _foreign(other), headers=_CLOSE)
     if headers.get(b"sec-fetch-site", b"none") not in _SAME and not (public and reads):
-        return Problem(403, _OTHERS, headers=_CLOSE)
+        return Problem(403, _foreign(None), headers=_CLOSE)
     return None
+
+
+def _unnamed(host: str | None) -> str:
+    """The detail of a 421: which option lets the service answer to this name."""
+    if host is None:
+        return "the Host header is missing or is not a host name"
+    name = _option_of(host)
+    return (
+        f"the Host header names '{name}', which is not a name of this service. If it should be, "
+        f"start the service with --allow-name {name}"
+    )
+
+
+def _option_of(host: str) -> str:
+    """A host as ``--allow-name`` takes it."""
+    return f"[{host}]" if ":" in host else clip(host, 253)
+
+
+def _foreign(origin: str | None) -> str:
+    """The detail of a 403: pages of other sites may not ask, unless they are named."""
+    if origin is None:
+        return "pages of other sites must not send requests to this service"
+    name = _option_of(origin)
+    return (
+        f"a page of '{name}' must not send requests to this service. If that is a name of the "
+        f"service itself, start it with --allow-name {name}; a reverse proxy has to pass on the "
+        "Host header"
+    )
 
 
 def _pattern(path: str) -> str:

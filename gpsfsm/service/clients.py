@@ -27,7 +27,7 @@ _HERE = "this machine"
 _NOBODY = "unknown"
 _HOST_BITS = 64
 """Of an IPv6 address: whoever has one of them has them all."""
-_KEY = "gpsfsm.client"
+_KEY, _ADDRESS = "gpsfsm.client", "gpsfsm.address"
 _FOR = re.compile(r'(?:^|;)\s*for\s*=\s*("[^"]*"|[^;"\s]*)\s*(?=;|$)', re.IGNORECASE)
 _MOST_HOPS = 100
 
@@ -48,11 +48,17 @@ def name_of(host: str) -> str:
     return str(address)
 
 
-def client_of(scope: Mapping[str, Any]) -> str:
+def client_of(scope: Mapping[str, Any], otherwise: str = _NOBODY) -> str:
     """The client of a request that has passed the guard."""
-    client = scope.get(_KEY, _NOBODY)
+    client = scope.get(_KEY, otherwise)
     assert isinstance(client, str)
     return client
+
+
+def address_of(scope: Mapping[str, Any]) -> str:
+    """The address from which a request comes: that before a trusted proxy, once it is known."""
+    peer = scope.get("client")
+    return str(scope.get(_ADDRESS) or (peer[0] if peer else _NOBODY))
 
 
 class Proxies:
@@ -64,7 +70,9 @@ class Proxies:
             try:
                 self._networks.append(ipaddress.ip_network(text))
             except ValueError:
-                message = f"'{text[:80]}' is no address of a proxy; such are 10.0.0.7, 10.0.0.0/24"
+                message = (
+                    f"'{text[:80]}' is not the address of a proxy; write 10.0.0.7 or 10.0.0.0/24"
+                )
                 raise UsageError(message) from None
 
     def __contains__(self, host: str) -> bool:
@@ -73,16 +81,18 @@ class Proxies:
 
     def mark(self, scope: Scope, token: int | None) -> None:
         """Write down whose request it is; ``token`` is the number of the one that was verified."""
-        scope[_KEY] = self._client(scope) if token is None else f"token {token}"
+        scope[_ADDRESS] = self._origin(scope)
+        scope[_KEY] = name_of(scope[_ADDRESS]) if token is None else f"token {token}"
 
-    def _client(self, scope: Mapping[str, Any]) -> str:
+    def _origin(self, scope: Mapping[str, Any]) -> str:
+        """The address of the client: its own, or what a trusted proxy says."""
         peer = scope.get("client")
         host = str(peer[0]) if peer else ""
         if host not in self:
-            return name_of(host)
+            return host
         headers = scope["headers"]
         claims = {
-            self._behind(host, hops)
+            name_of(behind := self._behind(host, hops)): behind
             for hops in (
                 _listed(headers, b"x-forwarded-for"),
                 [_for(part) for part in _listed(headers, b"forwarded")],
@@ -90,7 +100,7 @@ class Proxies:
             if hops
         }
         # Two headers that contradict each other: one of them the proxy has not written.
-        return claims.pop() if len(claims) == 1 else name_of(host)
+        return next(iter(claims.values())) if len(claims) == 1 else host
 
     def _behind(self, proxy: str, hops: list[str]) -> str:
         """The last address that no trusted proxy has; only those have added what follows it."""
@@ -102,7 +112,7 @@ class Proxies:
             last = host
             if host not in self:
                 break
-        return name_of(last)
+        return last
 
 
 def _listed(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[str]:
@@ -286,7 +296,10 @@ class Line:
 
     def _full(self, client: str) -> Problem:
         waiting = self._of(client)
-        message = f"{waiting} requests of this client wait already; try again"
+        message = (
+            f"{waiting} requests of this client are already waiting; try again later. "
+            "--waiting and --workers of the service set how many may wait, and how fast they go"
+        )
         return Problem(429, message, retry_s=self._retry_s)
 
 

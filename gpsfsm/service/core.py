@@ -6,16 +6,19 @@ Counters are written in the text format of Prometheus (``Metrics``).
 from __future__ import annotations
 
 import asyncio
+import os
 from bisect import bisect_left
 from collections import Counter
 from contextlib import asynccontextmanager, contextmanager
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, TypeVar
 
+from gpsfsm import logs
 from gpsfsm.service.clients import Share, client_of
 from gpsfsm.service.costs import SMALL_BYTES, Kind
-from gpsfsm.service.pool import Pool
+from gpsfsm.service.pool import Pool, all_of
 from gpsfsm.service.shapes import Problem, announced, whole_body
-from gpsfsm.streams import to_stderr
+from gpsfsm.service.traces import Traces
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
@@ -32,18 +35,40 @@ STOP_S, HALT_S = 5.0, 3.0
 
 STOPPED = "the service was stopped"
 
+Unready: TypeAlias = Literal[
+    "draining",
+    "gate_workers_down",
+    "journal_not_writable",
+    "queue_down",
+    "stopper_down",
+    "workers_down",
+]
+"""A reason for which no requests should be sent to the service."""
+
+_LEAST_FREE = 1 << 20
+"""Bytes that have to be free where the journal is."""
+_DISK_S, _LOOK_S = 1.0, 1.0
+"""What a look at the disk may take, and how long it holds: anybody may have it looked at."""
+
 _Made = TypeVar("_Made")
 
 
 class Core:
-    """The service without its HTTP. ``closing`` is set when it is about to stop."""
+    """The service without its HTTP. ``closing`` is set when it is about to stop.
 
-    def __init__(self, settings: Settings) -> None:
+    ``draining`` is set before: it still does all it can, but is not ready for more.
+    """
+
+    def __init__(self, settings: Settings, traces: Traces | None = None) -> None:
         self.settings = settings
         self.metrics = Metrics()
-        self.pool = Pool(settings)
+        self.traces = traces or Traces()
+        self.pool = Pool(settings, self.traces)
         self.budget = Share(settings.bodies)
         self.closing = asyncio.Event()
+        self.draining = asyncio.Event()
+        self._writable = True
+        self._looked_s = float("-inf")
         self.streams = Share(settings.streams)
         self.generating = Share(settings.generating)
         self._reading = asyncio.Semaphore(1)
@@ -81,17 +106,12 @@ class Core:
 
                     self.stopper = Stopper(settings.stopper)
                     await self.stopper.start()
-                self._queue = PlanQueueClient(settings, self._stop_robot)
-                async with asyncio.TaskGroup() as group:
-                    group.create_task(self._queue.start())
-                    group.create_task(self.pool.start())
+                self._queue = PlanQueueClient(settings, self._stop_robot, self.traces)
+                await all_of(self._queue.start(), self.pool.start())
                 if settings.real:
                     self._ending = asyncio.create_task(self._halt_at_end())
             else:
                 await self.pool.start()
-        except ExceptionGroup as errors:
-            await self.close()
-            raise errors.exceptions[0] from None
         except BaseException:
             await self.close()
             raise
@@ -123,7 +143,11 @@ class Core:
     def stream(self, client: str) -> Iterator[None]:
         """Count a client that follows a run or waits for its end. Raises Problem 429."""
         if not self.streams.take(client):
-            raise Problem(429, "too many clients follow runs; try again", retry_s=10)
+            raise Problem(
+                429,
+                "too many clients follow runs; try again later, or close other streams",
+                retry_s=10,
+            )
         try:
             yield
         finally:
@@ -144,13 +168,44 @@ class Core:
             news.cancel()
             closing.cancel()
 
+    def begin_draining(self) -> None:
+        """It is going to stop: whoever asks whether it is ready is told that it is not."""
+        self.draining.set()
+
     def begin_closing(self) -> None:
         """Nothing new begins any more, and what would go on for ever ends."""
+        self.draining.set()
         self.closing.set()
+
+    async def unready(self) -> list[Unready]:
+        """The reasons for which no requests should be sent here; none if it is ready."""
+        queue = self._queue
+        holds: tuple[tuple[Unready, bool], ...] = (
+            ("draining", self.draining.is_set()),
+            ("workers_down", not self.pool.alive),
+            ("gate_workers_down", not self.pool.gates.alive),
+            ("queue_down", queue is not None and not queue.up),
+            ("journal_not_writable", queue is not None and not await self._journal_writable()),
+            ("stopper_down", self.stopper is not None and not self.stopper.up),
+        )
+        return [reason for reason, is_so in holds if is_so]
+
+    async def _journal_writable(self) -> bool:
+        """True if there is room where the journal is, and it may be written; a short look."""
+        now_s = asyncio.get_running_loop().time()
+        if now_s - self._looked_s > _LOOK_S:
+            self._looked_s = now_s
+            looking = asyncio.to_thread(_writable, self.settings.journal)
+            try:
+                async with asyncio.timeout(_DISK_S):
+                    self._writable = await looking
+            except TimeoutError:  # of a network, say, which is gone
+                self._writable = False
+        return self._writable
 
     async def close(self) -> None:
         """End all processes; what the queue has accepted is in its journal."""
-        self.closing.set()
+        self.begin_closing()
         await self.pool.close()
         if self._ending is not None:
             await asyncio.wait({self._ending})
@@ -163,7 +218,7 @@ class Core:
 
     async def _halt_at_end(self) -> None:
         """Let a robot stop as soon as the service is to end: requests under way may take longer."""
-        await self.closing.wait()
+        await self.draining.wait()
         assert self._queue is not None
         await self._queue.halt(STOPPED, HALT_S, renew=False)
 
@@ -177,7 +232,8 @@ class Core:
     async def _stopped(self) -> None:
         assert self.stopper is not None
         for problem in (await self.stopper.stop(STOP_S)).problems:
-            to_stderr(f"gpsfsm: what the plan queue has left is not stopped for sure: {problem}\n")
+            text = f"what the plan queue has left is not stopped for sure: {problem}"
+            logs.event("error", "not_stopped", text, problem=problem)
 
     def gauges(self) -> Iterator[Gauge]:
         """The values that can be measured now."""
@@ -185,7 +241,7 @@ class Core:
         waiting = {kind: pool.waiting(kind) for kind in Kind}
         yield Gauge("workers", "Workers that check plans.", pool.alive)
         yield Gauge("gate_workers", "Workers for small gate requests.", pool.gates.alive)
-        yield Gauge("workers_busy", "Workers that have a request in hand.", pool.busy)
+        yield Gauge("workers_busy", "Workers that are handling a request.", pool.busy)
         yield Gauge("requests_waiting", "Requests that wait for a worker.", sum(waiting.values()))
         yield Gauge("worker_restarts_total", "Workers that were replaced.", pool.restarts)
         yield Gauge("clients", "Clients that wait for a worker or have one.", pool.clients)
@@ -194,7 +250,9 @@ class Core:
             yield Gauge("class_waiting", "Requests that wait, by cost class.", waiting[kind], of)
         for kind in Kind:
             of, running = f'class="{kind}"', pool.running(kind)
-            yield Gauge("class_running", "Requests that workers have, by cost class.", running, of)
+            yield Gauge(
+                "class_running", "Requests that workers are handling, by cost class.", running, of
+            )
         for (of_kind, outcome), count in sorted(pool.outcomes.items()):
             of = f'class="{of_kind}",outcome="{outcome}"'
             yield Gauge("class_requests_total", "Requests by cost class and outcome.", count, of)
@@ -204,6 +262,17 @@ class Core:
             queue = self._queue
             yield Gauge("queue_up", "Whether the plan queue answers.", float(queue.up))
             yield Gauge("queue_restarts_total", "Restarts of the plan queue.", queue.restarts)
+
+
+def _writable(journal: str) -> bool:
+    """True if a journal can be written: the file, its folder, and room on the disk."""
+    folder = Path(journal).absolute().parent
+    try:
+        room = os.statvfs(folder)
+    except OSError:
+        return False
+    free = room.f_bavail * room.f_frsize
+    return free >= _LEAST_FREE and os.access(journal, os.W_OK) and os.access(folder, os.W_OK)
 
 
 MEDIA = "text/plain; version=0.0.4; charset=utf-8"
@@ -225,6 +294,7 @@ class Metrics:
 
     def __init__(self) -> None:
         self._requests: Counter[tuple[str, int]] = Counter()
+        self._verdicts: Counter[tuple[str, str]] = Counter()
         self._buckets: dict[str, list[int]] = {}
         self._seconds: dict[str, float] = {}
 
@@ -234,6 +304,10 @@ class Metrics:
         buckets = self._buckets.setdefault(endpoint, [0] * (len(_BOUNDS_S) + 1))
         buckets[bisect_left(_BOUNDS_S, seconds)] += 1
         self._seconds[endpoint] = self._seconds.get(endpoint, 0.0) + seconds
+
+    def decided(self, verdict: str, reason: str) -> None:
+        """Count a verdict of the gate."""
+        self._verdicts[verdict, reason] += 1
 
     def text(self, gauges: Iterable[Gauge]) -> str:
         """All of it; of ``gauges`` those of one name follow one another."""
@@ -245,6 +319,10 @@ class Metrics:
         yield from _head("gpsfsm_requests_total", "counter", "Requests by endpoint and status.")
         for (name, status), count in sorted(self._requests.items()):
             yield f'gpsfsm_requests_total{{endpoint="{name}",status="{status}"}} {count}'
+        name = "gpsfsm_gate_verdicts_total"
+        yield from _head(name, "counter", "Verdicts of the gate, by reason.")
+        for (verdict, reason), count in sorted(self._verdicts.items()):
+            yield f'{name}{{verdict="{verdict}",reason="{reason}"}} {count}'
         name = "gpsfsm_request_seconds"
         yield from _head(name, "histogram", "How long requests take.")
         for endpoint, buckets in sorted(self._buckets.items()):

@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
+from gpsfsm import logs
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.service.shapes import Answer, Problem, is_plan, parsed
-from gpsfsm.streams import to_stderr
+from gpsfsm.service.traces import Traces
 from gpsfsm.strict_json import strict_loads
 from gpsfsm.workers.child_process import AsyncChildProcess
 from gpsfsm.workers.frames import Gone
@@ -39,7 +40,7 @@ _START_S = 300.0
 """What a restart may take: runs in a world are simulated once more."""
 _ANSWER_S = 30.0
 _NAME = "the plan queue "
-_KILLED = "it was killed with all that ran in it, and is held when it is back"
+_KILLED = "it was killed with everything that ran in it, and is held once it is back"
 _PAUSES_S = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)
 _STEADY_S = 5.0
 """Who has gone on for so long after a failure has overcome it."""
@@ -51,8 +52,14 @@ class PlanQueueClient:
     ``lost`` is called when a process has ended, or turns out to have left real runs unfinished.
     """
 
-    def __init__(self, settings: Settings, lost: Callable[[], object] = lambda: None) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        lost: Callable[[], object] = lambda: None,
+        traces: Traces | None = None,
+    ) -> None:
         self._settings = settings
+        self._traces = traces or Traces()
         self._lost = lost
         self._process: AsyncChildProcess | None = None
         self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
@@ -80,7 +87,8 @@ class PlanQueueClient:
 
     async def _begin(self) -> None:
         settings, why = self._settings, self._halted
-        process = await AsyncChildProcess.start(settings.executor)
+        line = partial(logs.from_child, "plan queue") if logs.is_json() else None
+        process = await AsyncChildProcess.start(settings.executor, line=line)
         head = {
             "journal": settings.journal,
             "memory_mb": settings.memory_mb,
@@ -146,6 +154,8 @@ class PlanQueueClient:
                 self._tell()
             if "failed" in head:
                 self._failed(head["failed"])
+            if "spans" in head:
+                self._traces.add(head["spans"], head["traceparent"])
 
     def _break_off(self) -> None:
         for future in self._pending.values():
@@ -173,7 +183,7 @@ class PlanQueueClient:
         """It has ended for a reason that may be there the next time as well."""
         why = why.removeprefix(_NAME)
         if why != self.failure:
-            to_stderr(f"gpsfsm: {_NAME}cannot go on: {why}\n")
+            logs.event("error", "queue_failed", f"{_NAME}cannot go on: {why}", reason=why)
         self.failure = why
 
     def _recovered(self) -> None:
@@ -204,7 +214,7 @@ class PlanQueueClient:
                 return await self._ask({"op": op, **more}, text)
             except Gone:
                 continue
-        raise Problem(503, "the plan queue has ended; it is started again", retry_s=5)
+        raise Problem(503, "the plan queue has ended and is being restarted; try again", retry_s=5)
 
     async def _ask(self, head: dict[str, Any], body: bytes) -> dict[str, Any]:
         try:
@@ -214,7 +224,7 @@ class PlanQueueClient:
             raise Problem(503, "the plan queue does not answer", retry_s=10) from None
         process = self._process
         if process is None:
-            message = "the plan queue cannot go on; standard error of the service tells why"
+            message = "the plan queue cannot continue; the log of the service says why"
             raise Problem(503, message, retry_s=10)
         self._number += 1
         number = self._number
@@ -242,7 +252,7 @@ class PlanQueueClient:
         """
         process, self._halted = self._process, reason
         if process is None:
-            return {"problem": "the plan queue is being started again, and is held when it is back"}
+            return {"problem": "the plan queue is being restarted, and is held once it is back"}
         self._number += 1
         number = self._number
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
@@ -258,7 +268,7 @@ class PlanQueueClient:
             await process.end()  # whoever listens starts another one
             return {"problem": f"the plan queue has not answered within {within_s:g} s; {_KILLED}"}
         except Gone:
-            return {"problem": "the plan queue has ended; it is held when it is back"}
+            return {"problem": "the plan queue has ended; it is held once it is back"}
         finally:
             self._pending.pop(number, None)
 
@@ -290,7 +300,7 @@ Key = Annotated[
     str,
     Field(
         pattern=r"^[A-Za-z0-9._:-]{1,100}$",
-        description="Of the client: a plan that is set again with the same one is set once.",
+        description="Chosen by the client; a repeated request queues the plan only once.",
     ),
 ]
 _MOST_FINDINGS = 50
@@ -347,7 +357,7 @@ async def read_request(core: Core, request: Request, model: type[BaseModel]) -> 
     """The request in a body; an empty one means the defaults. Raises Problem."""
     async with core.body(request) as body:
         if not body and not any(field.is_required() for field in model.model_fields.values()):
-            return model()
+            return parsed(model, b"{}")
         is_plan(request, allowed=False)
         return await core.made_of(body, partial(parsed, model))
 
@@ -413,9 +423,10 @@ async def set_plan(
             rejected_list=findings or [answer["message"]],
         )
     content = text.encode("utf-8", "surrogatepass")
-    state = await queue.ask("submit", text=content, name=name, key=key, start=dict(start or {}))
+    more: dict[str, Any] = {"start": dict(start or {}), "traceparent": core.traces.header()}
+    state = await queue.ask("submit", text=content, name=name, key=key, **more)
     if state["sha256"] != hashlib.sha256(content).hexdigest():
-        raise Problem(409, f"request_id {key} was that of another plan, {state['plan']}")
+        raise Problem(409, f"request_id {key} belongs to another plan, {state['plan']}")
     if state["status"] == "REFUSED":  # by the process that would have run it
         raise Problem(422, "the plan is refused: " + "; ".join(state["findings"]))
     return state

@@ -15,12 +15,15 @@ import time
 from collections import Counter, OrderedDict
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gpsfsm import logs
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.service.clients import Line
 from gpsfsm.service.costs import SMALL_BYTES, Kind, expected_ms, kind_of
 from gpsfsm.service.shapes import Problem
+from gpsfsm.service.traces import Traces
 from gpsfsm.workers.child_process import AsyncChildProcess, child_command
 from gpsfsm.workers.frames import Gone
 
@@ -59,6 +62,20 @@ class Worker(NamedTuple):
     memory_mb: int
 
 
+async def all_of(*parts: Coroutine[None, None, None]) -> None:
+    """Do all at once; if one fails, the others are cancelled and waited for, and its error raised.
+
+    ``asyncio.gather`` lets them go on, and so does whoever waits for it no longer: a process that
+    has just been started would outlive its event loop.
+    """
+    try:
+        async with asyncio.TaskGroup() as group:
+            for each in parts:
+                group.create_task(each)
+    except ExceptionGroup as errors:
+        raise errors.exceptions[0] from None
+
+
 class Staff:
     """``most`` workers at once, and spare ones that take the place of those that end.
 
@@ -90,7 +107,7 @@ class Staff:
 
     async def start(self) -> None:
         """Start all workers. Raises GpsfsmError if they cannot work with these settings."""
-        await asyncio.gather(*(self._hire() for _ in range(self.most)))
+        await all_of(*(self._hire() for _ in range(self.most)))
         self._fill()
 
     def keep_spare(self) -> None:
@@ -164,7 +181,8 @@ class Staff:
 
     async def _begun(self) -> AsyncChildProcess:
         """A process. If nobody wants it any more when it has begun, it is ended."""
-        starting = asyncio.ensure_future(AsyncChildProcess.start(child_command(_TARGET)))
+        line = partial(logs.from_child, "worker") if logs.is_json() else None
+        starting = asyncio.ensure_future(AsyncChildProcess.start(child_command(_TARGET), line=line))
         try:
             return await asyncio.shield(starting)
         except asyncio.CancelledError:
@@ -245,8 +263,9 @@ class Pool:
     Of each class at most ``settings.waiting`` requests wait; a further one is told to come again.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, traces: Traces | None = None) -> None:
         self._settings = settings
+        self._traces = traces or Traces()
         ready = self._dispatch
         self.gates = Staff(settings, settings.reserved, spares=1, nice=0, ready=ready)
         self.checks = Staff(settings, settings.workers, spares=0, nice=_NICE, ready=ready)
@@ -297,7 +316,7 @@ class Pool:
 
     async def start(self) -> None:
         """Start all workers. Raises GpsfsmError if they cannot work with these settings."""
-        await asyncio.gather(self.gates.start(), self.checks.start())
+        await all_of(self.gates.start(), self.checks.start())
 
     async def close(self) -> None:
         """End all workers."""
@@ -308,7 +327,10 @@ class Pool:
         if length > SMALL_BYTES and not self._lines[Kind.LARGE].has_room(client):
             self.outcomes[Kind.LARGE, "refused"] += 1
             close = {"connection": "close"}  # a body follows that nobody reads
-            message = "large requests of this client wait already; try again"
+            message = (
+                "large requests of this client are already waiting; try again later. --waiting of "
+                "the service sets how many may wait"
+            )
             raise Problem(429, message, retry_s=1, headers=close)
 
     async def do(self, op: str, body: bytes, *, raw: bool = False, client: str = "") -> Answered:
@@ -329,7 +351,8 @@ class Pool:
         self, kind: Kind, client: str, cost_s: float, head: dict[str, Any], body: bytes
     ) -> Answered:
         try:
-            number = await self._turn(kind, client, cost_s)
+            with self._traces.span("wait for a worker"):
+                number = await self._turn(kind, client, cost_s)
             answered = await self._answer(number, head, body)
         except Problem as problem:
             self.outcomes[kind, _OUTCOMES.get(problem.status, "failed")] += 1
@@ -371,6 +394,8 @@ class Pool:
         work, limit_s = self._in_hand[number], self._settings.request_s
         loop, process, kept = asyncio.get_running_loop(), work.worker.process, None
         timers: list[asyncio.TimerHandle] = []
+        if parent := self._traces.header():
+            head = {**head, "traceparent": parent}
         try:
             async with asyncio.timeout(limit_s) as limit:
                 small_s = self._settings.small_s * _TIMES.get(work.kind, math.inf)
@@ -385,7 +410,8 @@ class Pool:
         except TimeoutError:
             if work.overrun:
                 raise _OverrunError from None
-            raise Problem(504, f"it is undecided after {limit_s:g} s") from None
+            text = f"the plan is undecided after {limit_s:g} s"
+            raise Problem(504, f"{text}; --time-limit of the service sets this limit") from None
         except Gone as gone:
             message = f"the process that worked on it {gone}; its memory may have run out"
             raise Problem(503, message, retry_s=5) from None
@@ -393,6 +419,7 @@ class Pool:
             for timer in timers:
                 timer.cancel()
             self._over(number, kept)  # None also if nobody waits: its answer must meet nobody else
+        self._traces.add(reply.get("spans", ()), parent)
         return Answered(reply["status"], reply["media"], answer)
 
     def _over(self, number: int, kept: Worker | None) -> None:

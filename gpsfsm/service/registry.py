@@ -87,19 +87,19 @@ def endpoint(name: str) -> Endpoint:
 _REF = "#/components/schemas/{model}"
 _PARAMETER = re.compile(r"\{(\w+)\}")
 _WORKED = (
-    (408, "The body came too slowly."),
+    (408, "The body arrived too slowly."),
     (413, "The body is too long."),
     (415, "The body is of another media type."),
-    (422, "The request makes no sense."),
-    (429, "Too much is asked at once; Retry-After says when to come again."),
+    (422, "The request is invalid."),
+    (429, "Too many requests at once; Retry-After says when to try again."),
     (503, "It could not be answered now."),
     (504, "It could not be decided in time."),
 )
 
 
 @cache
-def document() -> bytes:
-    """The document as JSON."""
+def _paths_and_schemas() -> dict[str, Any]:
+    """The part of the document that is the same wherever the service stands."""
     from pydantic.json_schema import models_json_schema
 
     listed = all_endpoints()
@@ -114,22 +114,25 @@ def document() -> bytes:
     paths: dict[str, dict[str, Any]] = {}
     for each in listed:
         paths.setdefault(each.path, {})[each.method.lower()] = _operation(each)
-    return json.dumps(
-        {
-            "openapi": "3.1.0",
-            "info": {
-                "title": "gpsfsm",
-                "version": VERSION,
-                "summary": "Formal checks for robot plans that language models write",
-            },
-            "paths": paths,
-            "components": {
-                "schemas": schemas["$defs"],
-                "securitySchemes": {"token": {"type": "http", "scheme": "bearer"}},
-            },
+    return {
+        "paths": paths,
+        "components": {
+            "schemas": schemas["$defs"],
+            "securitySchemes": {"token": {"type": "http", "scheme": "bearer"}},
         },
-        indent=1,
-    ).encode()
+    }
+
+
+def document(prefix: str = "") -> bytes:
+    """The document as JSON; ``prefix`` is the path below which the service stands."""
+    about = {
+        "title": "gpsfsm",
+        "version": VERSION,
+        "summary": "Formal checks for robot plans that language models write",
+    }
+    servers = [{"url": prefix or "/"}]
+    whole = {"openapi": "3.1.0", "info": about, "servers": servers, **_paths_and_schemas()}
+    return json.dumps(whole, indent=1).encode()
 
 
 def _mode(is_request: bool) -> Literal["validation", "serialization"]:

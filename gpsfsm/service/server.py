@@ -9,8 +9,9 @@ that has its share loses the connection on which it has said nothing for the lon
 from __future__ import annotations
 
 import asyncio
-import logging
+import errno
 import socket
+import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -18,11 +19,12 @@ import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from gpsfsm import logs
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.service.application import make_app
 from gpsfsm.service.clients import Proxies, Share, name_of
 from gpsfsm.service.shapes import CONTENT_TYPE, problem_body
-from gpsfsm.streams import to_stderr
+from gpsfsm.service.traces import start_traces
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from gpsfsm.service.core import Core
     from gpsfsm.service.settings import Settings
 
+_FAILED = 2
 _FILES = 65_536
 _BACKLOG = 2_048
 _LEAST_BODY_FILES = 64
@@ -41,7 +44,18 @@ def run(settings: Settings) -> int:
 
     Raises GpsfsmError if it cannot begin, and at the end if its plan queue could not go on.
     """
-    app = make_app(settings)
+    with logs.writing(settings.log_level, settings.log_format):
+        try:
+            return _run(settings)
+        except GpsfsmError as error:
+            if not logs.is_json():  # else it is an event, and not a message of the command
+                raise
+            logs.event("error", "failed", str(error))
+            return _FAILED
+
+
+def _run(settings: Settings) -> int:
+    app = make_app(settings, start_traces(settings.otel))
     bounds = Bounds(
         header_s=settings.header_s,
         write_s=settings.body_s,
@@ -65,7 +79,6 @@ def run(settings: Settings) -> int:
         backlog=_BACKLOG,
         h11_max_incomplete_event_size=32_768,
     )
-    logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
     server = Server(config, app.state.core, _address(settings, listening))
     try:
         server.run(sockets=[listening])
@@ -93,7 +106,8 @@ def _bound(settings: Settings) -> socket.socket:
         listening.bind(place)
     except OSError as error:
         where = f"{settings.host}:{settings.port}"
-        raise GpsfsmError(f"cannot serve at {where}: {error.strerror or error}") from error
+        hint = "; --port takes another port" if error.errno == errno.EADDRINUSE else ""
+        raise GpsfsmError(f"cannot serve at {where}: {error.strerror or error}{hint}") from error
     return listening
 
 
@@ -278,15 +292,46 @@ class Server(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, core: Core, address: str) -> None:
         super().__init__(config)
         self._core, self._address = core, address
+        self._drained_s: float | None = None  # when it is to stop
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Begin, and say where."""
         await super().startup(sockets=sockets)
         if self.started:
-            to_stderr(f"gpsfsm: serving at {self._address}\n")
+            where = {"address": self._address, "root_path": self._core.settings.root_path or None}
+            logs.event("info", "serving", f"serving at {self._address}", **where)
+            if (text := _hint(self._core.settings)) is not None:
+                logs.event("info", "reachable", text)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """A signal says to stop."""
+        """A signal says to stop: at once, or at the first one when it has drained."""
+        drain_s = self._core.settings.drain_s
+        if drain_s and self._drained_s is None:
+            self._drained_s = time.monotonic() + drain_s
+            self._core.begin_draining()
+            return
         super().handle_exit(sig, frame)
         self._captured_signals.clear()  # a stop that was asked for is no failure
         self._core.begin_closing()
+
+    async def on_tick(self, counter: int) -> bool:
+        """See whether it has drained; True if it is time to stop."""
+        if self._drained_s is not None and time.monotonic() >= self._drained_s:
+            self.should_exit = True
+            self._core.begin_closing()
+        return await super().on_tick(counter)
+
+
+def _hint(settings: Settings) -> str | None:
+    """A word on who can reach the service, where its address does not say that by itself."""
+    if settings.host in ("", "::") or settings.host.strip("0.") == "":
+        return (
+            "it listens on all addresses of this machine; clients need the header "
+            "'Authorization: Bearer TOKEN', and a reverse proxy has to provide TLS"
+        )
+    if settings.root_path and not (settings.hosts or settings.tokens):
+        return (
+            "a reverse proxy passes on the Host header of its clients: name the service with "
+            "--allow-name NAME, or it answers them with 421"
+        )
+    return None

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gpsfsm.generation.providers.address import Secret
+    from gpsfsm.logs import Format, Level
 
 
 LEAST_TOKEN = 16
@@ -31,6 +32,11 @@ _HOST = re.compile(
     r"(?:\[(?P<address>[0-9A-Fa-f:.]+)\]|(?P<name>\w(?:[\w.-]*\w)?))(?::(?P<port>[0-9]{1,5}))?",
     re.ASCII,
 )
+_MAY_BE_ZERO = ("port", "drain_s")
+_PREFIX = re.compile(r"(?:/[A-Za-z0-9_~-][A-Za-z0-9._~-]*)+")
+_LONGEST_PREFIX = 200
+_OWN = frozenset(("health", "livez", "metrics", "openapi.json", "readyz", "ui", "v1"))
+"""The first parts of paths of the service: a prefix that begins with one could be either."""
 _LEAST_BODIES = 4
 """There is room for so many bodies of the greatest length, whoever sends them."""
 
@@ -62,6 +68,23 @@ def host_of(text: str) -> str | None:
         return None
 
 
+def is_prefix(text: str) -> bool:
+    """True for a path below which a service may stand, such as ``/robots/gpsfsm``."""
+    if len(text) > _LONGEST_PREFIX or not _PREFIX.fullmatch(text):
+        return False
+    return text.split("/")[1] not in _OWN
+
+
+def refuse_prefix(text: str) -> None:
+    """Raises UsageError for a root path that makes no sense; "" is none."""
+    if text and not is_prefix(text):
+        own = ", ".join(sorted(_OWN))
+        raise UsageError(
+            f"'{clip(text, 80)}' is not a root path; write one such as /gpsfsm or /robots/gpsfsm, "
+            f"without a slash at the end and not below any of {own}"
+        )
+
+
 def plan_limits(**changes: int) -> Limits:
     """The limits on a plan that comes over the network: less than a file on a disk may have."""
     return Limits(**{"max_bytes": 1 << 20, "max_elements": 20_000, **changes})
@@ -73,13 +96,18 @@ class Settings:
 
     ``tokens``: one of them a client has to show, none for loopback alone. ``hosts`` are further
     names of the service; ``proxies`` the addresses, or networks, of those that are trusted to say
-    for whom they ask. ``workers`` is the number of processes that check plans, each with
+    for whom they ask, and ``root_path`` is the path below which one shows the service.
+    ``log_level`` and ``log_format`` are those of the log; ``otel``: traces are exported, None if
+    the environment names a collector.
+
+    ``workers`` is the number of processes that check plans, each with
     ``memory_mb`` at most, and ``gate_workers`` that of those which small gate requests have for
     themselves, None for as many, but at most two; ``waiting`` how many requests of a cost class may
     wait. ``request_s`` is what work on a request may take, a third of what it may wait for a
     worker before, ``small_s`` what a small gate request may take of a core. ``header_s`` and
     ``body_s`` are what a client may take to send these, ``idle_s`` how long a connection stays open
-    between requests, ``grace_s`` what a shutdown waits for requests under way. ``max_bodies``
+    between requests, ``grace_s`` what a shutdown waits for requests under way, and ``drain_s`` how
+    long before that the service answers as ever and says that it is not ready. ``max_bodies``
     bounds the bytes of all bodies together. ``streams`` is how many clients may follow runs at
     once, ``generating`` how many requests a model may be writing plans for.
 
@@ -97,6 +125,10 @@ class Settings:
     tokens: tuple[Secret, ...] = ()
     hosts: tuple[str, ...] = ()
     proxies: tuple[str, ...] = ()
+    root_path: str = ""
+    log_level: Level = "info"
+    log_format: Format = "text"
+    otel: bool | None = None
     workers: int = 2
     gate_workers: int | None = None
     memory_mb: int = 1024
@@ -107,6 +139,7 @@ class Settings:
     body_s: float = 20.0
     idle_s: float = 15.0
     grace_s: float = 10.0
+    drain_s: float = 0.0
     max_body: int = 2 << 20
     max_bodies: int = 64 << 20
     connections: int = 2048
@@ -130,8 +163,10 @@ class Settings:
         """Refuse what would leave the service open, or useless."""
         if not is_loopback(self.host) and not self.tokens:
             raise UsageError(
-                f"{self.host} can be reached from other machines, so a token is needed; put one "
-                f"into a file and name it with --token-file, or set GPSFSM_TOKEN"
+                f"{self.host or 'every address'} can be reached from other machines, so a token "
+                "is needed; put one into a file and name it with --token-file, or set "
+                "GPSFSM_TOKEN. For a reverse proxy on this machine leave --host out and name the "
+                "service with --allow-name NAME"
             )
         if self.real and not self.tokens:
             raise UsageError(
@@ -141,18 +176,26 @@ class Settings:
         if any(len(each.reveal()) < LEAST_TOKEN for each in self.tokens):
             raise UsageError(f"a token has at least {LEAST_TOKEN} characters")
         if len(self.tokens) > MOST_TOKENS:
-            raise UsageError(f"there may be {MOST_TOKENS:,} tokens, not {len(self.tokens):,}")
+            raise UsageError(
+                f"at most {MOST_TOKENS:,} tokens are allowed, not {len(self.tokens):,}"
+            )
         for host in self.hosts:
             if host_of(f"{host}:1") is None:
-                raise UsageError(f"'{clip(host, 80)}' is no name of a host, without a port")
+                raise UsageError(
+                    f"'{clip(host, 80)}' is not a host name without a port; "
+                    "write --allow-name robot.example or --allow-name 10.0.0.7"
+                )
         Proxies(self.proxies)
+        refuse_prefix(self.root_path)
         if not 0 <= self.port <= _MOST_PORT:
             raise UsageError(f"the port is a number from 0 to 65535, not {self.port}")
         if self.memory_mb < _LEAST_MEMORY_MB:
             raise UsageError(f"a worker needs at least {_LEAST_MEMORY_MB} MB of memory")
         for each in fields(self):
             value = getattr(self, each.name)
-            if each.name != "port" and isinstance(value, int | float) and not _makes_sense(value):
+            if value == 0 and each.name in _MAY_BE_ZERO:
+                continue
+            if isinstance(value, int | float) and not _makes_sense(value):
                 raise UsageError(f"{each.name} must be more than 0, not {value}")
 
     @property

@@ -40,7 +40,7 @@ Speed = Annotated[
         ge=0,
         le=1e6,
         allow_inf_nan=False,
-        description="So many seconds of a run pass in a second; null or 0: no waiting.",
+        description="Seconds of the run per second of real time; null or 0: no waiting.",
     ),
 ]
 Texts = Annotated[list[Annotated[str, Field(max_length=_LONGEST)]], Field(max_length=_MOST_TEXTS)]
@@ -216,14 +216,15 @@ async def _read(
             raise _too_long(most)
         if not budget.take(client, len(part)):
             close = {"connection": "close"}
-            message = "too much is being sent at once; try again"
+            message = "too many bytes are being sent at the same time; try again"
             raise Problem(429, message, retry_s=1, headers=close)
         parts.append(part)
 
 
 def _too_long(most: int) -> Problem:
     close = {"connection": "close"}  # or the rest of it would have to be read
-    return Problem(413, f"the body has more than {most:,} bytes", headers=close)
+    message = f"the body has more than {most:,} bytes; --max-body of the service sets this limit"
+    return Problem(413, message, headers=close)
 
 
 def is_plan(request: HttpRequest, *, allowed: bool) -> bool:
@@ -268,7 +269,7 @@ def parsed(model: type[_Model], body: bytes) -> _Model:
 MOST = (1 << 53) - 1
 """Where JSON numbers cease to be exact."""
 
-NO_NUMBER = (422, "There is something else where a number was expected.")
+NO_NUMBER = (422, "A number was expected.")
 
 
 def whole_number(
@@ -282,4 +283,4 @@ def whole_number(
         number = int(text)
         if least <= number <= most:
             return number
-    raise Problem(422, f"{name} is a number from {least} to {most}")
+    raise Problem(422, f"{name} must be a number from {least} to {most}")

@@ -19,11 +19,13 @@ import os
 import subprocess
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm import logs
 from gpsfsm.errors import GpsfsmError
-from gpsfsm.streams import to_stderr
 from gpsfsm.strict_json import strict_loads
+from gpsfsm.workers.child_process import relay
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,6 +58,7 @@ class Stopper:
         self._number = 0
         self._alive = asyncio.Event()
         self._keeper: asyncio.Task[None] | None = None
+        self._relay: asyncio.Task[None] | None = None
         self.restarts = 0
         self.failure = ""
 
@@ -71,7 +74,7 @@ class Stopper:
             async with asyncio.timeout(_READY_S):
                 await self._ready.wait()
         except TimeoutError:
-            why = self.failure or "it has not said that it is ready"
+            why = self.failure or "it has not reported that it is ready"
             raise GpsfsmError(f"the stopper did not begin: {why}") from None
 
     async def stop(self, within_s: float) -> Stopped:
@@ -132,10 +135,14 @@ class Stopper:
             *self._command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE if logs.is_json() else None,
             start_new_session=True,
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
             limit=_MOST_LINE,
         )
+        if self._process.stderr is not None:  # it ends with the process
+            line = partial(logs.from_child, "stopper")
+            self._relay = asyncio.create_task(relay(self._process, line))
         listening = asyncio.create_task(self._listen(self._process))
         beating = asyncio.create_task(self._beat())
         try:
@@ -200,7 +207,8 @@ class Stopper:
 
     def _failed(self, why: str) -> None:
         if why != self.failure:
-            to_stderr(f"gpsfsm: the stopper is not there: {why}; it is started again\n")
+            text = f"the stopper is not available: {why}; it is being restarted"
+            logs.event("error", "stopper_down", text, reason=why)
         self.failure = why
 
     async def _end(self) -> None:

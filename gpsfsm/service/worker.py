@@ -22,6 +22,7 @@ from gpsfsm.checking.option_table import OPTIONS
 from gpsfsm.errors import GpsfsmError, is_out_of_memory
 from gpsfsm.service.registry import endpoint
 from gpsfsm.service.shapes import CONTENT_TYPE, Problem
+from gpsfsm.tracing import recording
 from gpsfsm.workers import limit_memory
 from gpsfsm.workers.parent_link import WARM_PLAN, serve
 
@@ -53,9 +54,16 @@ def _prepare(head: dict[str, Any], _body: bytes) -> Any:
 
 
 def _answer(context: WorkerContext, head: dict[str, Any], body: bytes) -> Message:
-    status, answer = do(endpoint(head["op"]), head.get("raw") is True, body, context)
+    wanted, raw = endpoint(head["op"]), head.get("raw") is True
+    spans: dict[str, Any] = {}
+    if "traceparent" in head:
+        with recording() as rows:
+            status, answer = do(wanted, raw, body, context)
+        spans = {"spans": rows}
+    else:
+        status, answer = do(wanted, raw, body, context)
     media = "application/json" if status == 200 else CONTENT_TYPE
-    return {"status": status, "media": media, "memory_mb": _memory_mb()}, answer
+    return {"status": status, "media": media, "memory_mb": _memory_mb(), **spans}, answer
 
 
 def _lower_priority(nice: int) -> None:
@@ -176,7 +184,7 @@ def sent_task(text: str) -> Task:
     content = text.encode("utf-8", "replace")
     table = read_table(content, Notes("<task>", kind="task"))
     if table is not None and "not_answers" in table:
-        raise UsageError("a task that is sent names no files: leave out not_answers")
+        raise UsageError("a task in a request must not name files: leave out not_answers")
     return read_task(content)
 
 

@@ -270,7 +270,7 @@ class WorldState:
             if stay is None or not self._near(now_s, stay.x, stay.y):
                 continue
             for reply in person.replies:
-                if all(word.casefold() in heard for word in reply.asked):
+                if all(word.casefold() in heard for word in reply.words):
                     start = now_s + person.replies_after_s
                     end = start + self.talk_s(reply.text)
                     self._replies.append(Sound(reply.text, start, end, stay.x, stay.y))
@@ -383,9 +383,10 @@ class Zones:
 
 
 class Simulated(Runner):
-    """A runner that lets some time pass, may fail as the world says, and then acts at once.
+    """A runner that lets some time pass, may fail as the world file says, and then acts.
 
-    ``takes_s`` is how long it usually takes, from and to; the world file can say something else.
+    ``takes_s`` is the least and the greatest usual duration in seconds; the world file can set
+    another one.
     """
 
     takes_s: tuple[float, float] = (0.5, 1.5)
@@ -395,7 +396,7 @@ class Simulated(Runner):
     settings: Settings
 
     async def start(self, context: LoadContext) -> None:
-        """Find the world. Raises RunnerError without one."""
+        """Find the world. Raises RunnerError if there is none."""
         world = context.services.get("world")
         if not isinstance(world, WorldState):
             raise RunnerError("this runner is simulated and needs a world")
@@ -412,7 +413,7 @@ class Simulated(Runner):
         return self.act(parameters, context)
 
     async def pass_time(self, context: RunContext) -> None:
-        """Let the usual time pass; raises RunnerError if it fails by chance."""
+        """Let the usual time pass. Raises RunnerError if the action fails by chance."""
         least, greatest = self.settings.duration_s or self.takes_s
         seconds = least + (greatest - least) * context.random.random()
         chance = context.random.random()
@@ -425,7 +426,7 @@ class Simulated(Runner):
         parameters: Mapping[str, RunValue],  # noqa: ARG002
         context: RunContext,  # noqa: ARG002
     ) -> Mapping[str, RunValue] | None:
-        """Act, at the end of its time: nothing, unless a runner does more."""
+        """Act, at the end of the duration. Override this method; by default it does nothing."""
         return None
 
     def now(self, context: RunContext) -> float:
@@ -433,7 +434,7 @@ class Simulated(Runner):
         return self.world.begun_s + context.now_s
 
     def answer(self, question: str, context: RunContext, *, interface: str = "") -> Answer | None:
-        """The answer of the world file to a question here and now.
+        """The answer of the world file to a question at the current time and place.
 
         ``interface``: as if another runner asked. Raises RunnerError if it says that this fails.
         """

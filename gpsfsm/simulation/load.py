@@ -34,9 +34,9 @@ from gpsfsm.simulation.world import (
     Settings,
     Sound,
     Stay,
-    Thing,
     Window,
     World,
+    WorldObject,
 )
 
 if TYPE_CHECKING:
@@ -52,12 +52,12 @@ if TYPE_CHECKING:
     from gpsfsm.simulation.schema import (
         AnswerFile,
         ChangeFile,
+        ObjectFile,
         PersonFile,
         RobotFile,
         SettingsFile,
         SoundFile,
         SpanFile,
-        ThingFile,
     )
     from gpsfsm.simulation.world import Obstacle
 
@@ -66,10 +66,10 @@ _MAX_ARRIVALS = 1_000_000
 
 
 def load_world(file: str | Path, *, library: Library | None = None) -> World:
-    """The world that a file describes.
+    """Load a world file.
 
-    With a library, what the file says about runners is compared with it. Raises ConfigError, with a
-    line for each defect, if anything is wrong with the file.
+    With ``library``, the file's statements about runners are checked against it. Raises
+    ConfigError, with one line for each defect, if the file is invalid.
     """
     notes = Notes(str(file), kind="world")
     content = read_bytes(str(file), notes)
@@ -104,7 +104,7 @@ def _world(model: WorldFile, notes: Notes, text: str) -> World:
         places=tuple(Place(each.name, each.x, each.y) for each in model.places),
         people=tuple(_person(each, notes) for each in model.people),
         things=tuple(
-            Thing(each.name, each.x, each.y, window_of(each, notes)) for each in model.things
+            WorldObject(each.name, each.x, each.y, window_of(each, notes)) for each in model.things
         ),
         sounds=tuple(_sound(each, robot, notes) for each in model.sounds),
         answers=tuple(_answer(each, notes) for each in model.answers),
@@ -172,7 +172,9 @@ def _changes(model: ChangeFile, notes: Notes) -> list[Change]:
         notes.error(model.place, "a change must close or open a zone", "write 'close: NAME'")
     both = next((name for name in model.open if name in model.close), None)
     if both is not None:
-        notes.error(model.at("open"), f"the zone {quoted(both)} is closed and opened at once")
+        notes.error(
+            model.at("open"), f"the zone {quoted(both)} is closed and opened at the same time"
+        )
     count = None if arrivals is None else int(arrivals)
     return [
         Change(name, closed, model.at_, count)
@@ -197,7 +199,7 @@ def _person(model: PersonFile, notes: Notes) -> Person:
         model.name,
         looks=model.looks,
         stays=tuple(stays),
-        replies=tuple(Reply(tuple(one.asked), one.says) for one in model.replies),
+        replies=tuple(Reply(tuple(one.words), one.says) for one in model.replies),
         replies_after_s=model.replies_after,
     )
 
@@ -232,7 +234,7 @@ def _answer(model: AnswerFile, notes: Notes) -> Answer:
             outputs[name] = value
     return Answer(
         model.to,
-        asked=tuple(model.asked),
+        words=tuple(model.words),
         text=model.text,
         outputs=outputs,
         fails=model.fails,
@@ -327,7 +329,12 @@ def _check_person(model: PersonFile, person: Person, world: World, notes: Notes)
 
 
 def _check_place_of(
-    model: ThingFile, entry: Thing, world: World, notes: Notes, *, walls: tuple[Obstacle, ...]
+    model: ObjectFile,
+    entry: WorldObject,
+    world: World,
+    notes: Notes,
+    *,
+    walls: tuple[Obstacle, ...],
 ) -> None:
     """Things are in walls no more than people, but may be on tables and in shelves."""
     name = quoted(model.name)
@@ -445,7 +452,9 @@ def _check_outputs(
         when = "when it fails" if model.fails else "when it succeeds"
         message = f"{quoted(model.to)} has no output {quoted(name)} {when}"
         listed = ", ".join(declared)
-        hint = notes.near(name, declared) or (f"known are {listed}" if listed else "remove it")
+        hint = notes.near(name, declared) or (
+            f"the outputs are {listed}" if listed else "remove it"
+        )
         notes.error(model.below("outputs", name), message, hint)
 
 

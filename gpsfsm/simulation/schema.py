@@ -114,7 +114,7 @@ class StayFile(SpanFile):
 class ReplyFile(FileModel):
     """An entry of ``replies``."""
 
-    asked: Some = Field(default_factory=list)
+    words: Some = Field(default_factory=list, alias="asked")
     says: Text
 
 
@@ -130,7 +130,7 @@ class PersonFile(FileModel):
     replies_after: Number = 1.0
 
 
-class ThingFile(SpanFile):
+class ObjectFile(SpanFile):
     """An entry of ``things``."""
 
     name: Text
@@ -152,7 +152,7 @@ class AnswerFile(SpanFile):
     """An entry of ``answers``."""
 
     to: Text
-    asked: Some = Field(default_factory=list)
+    words: Some = Field(default_factory=list, alias="asked")
     text: Text = ""
     outputs: Values = Field(default_factory=dict)
     fails: Text = ""
@@ -178,7 +178,7 @@ class WorldFile(FileModel):
     changes: ListOf[ChangeFile] = Field(default_factory=list)
     places: ListOf[PlaceFile] = Field(default_factory=list)
     people: ListOf[PersonFile] = Field(default_factory=list)
-    things: ListOf[ThingFile] = Field(default_factory=list)
+    things: ListOf[ObjectFile] = Field(default_factory=list)
     sounds: ListOf[SoundFile] = Field(default_factory=list)
     answers: ListOf[AnswerFile] = Field(default_factory=list)
     runners: MappingOf[SettingsFile] = Field(default_factory=dict)

@@ -89,7 +89,7 @@ def _drawn_area(model: MapFile, notes: Notes, text: str) -> Rectangle | None:
         return None
     for key in ("x", "y"):
         if getattr(model, key) is not None:
-            notes.error(model.at(key), f"'{key}' and 'rows' exclude each other", "remove one")
+            notes.error(model.at(key), f"'{key}' and 'rows' cannot be used together", "remove one")
     if not _well_drawn(rows, model, notes, text):
         return None
     x, y = model.origin or (0.0, 0.0)
@@ -124,7 +124,7 @@ def _well_drawn(rows: list[str], model: MapFile, notes: Notes, text: str) -> boo
                 f"row {number + 1} of the map has {len(row)} characters, the first has "
                 f"{len(rows[0])}"
             )
-            hint = "make all rows equally long; blanks at the end count"
+            hint = "make all rows equally long; spaces at the end count"
             notes.error(place_of(number, min(len(row), len(rows[0]))), message, hint)
     return len(notes.defects) == before
 

@@ -151,9 +151,9 @@ class Stay:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The words of somebody who hears all of the texts in ``asked`` (none: whatever they hear)."""
+    """The words of somebody who hears all of the texts in ``words`` (none: whatever they hear)."""
 
-    asked: tuple[str, ...]
+    words: tuple[str, ...]
     text: str
 
 
@@ -176,7 +176,7 @@ class Person:
 
 
 @dataclass(frozen=True, slots=True)
-class Thing:
+class WorldObject:
     """Something that a camera can see."""
 
     name: str
@@ -209,12 +209,12 @@ class Settings:
 class Answer:
     """The answer of a runner, where and when this holds; the first answer that fits counts.
 
-    ``to`` is an interface, with or without its package. All texts in ``asked`` must occur in what
+    ``to`` is an interface, with or without its package. All texts in ``words`` must occur in what
     the runner asks, whatever the case. With ``fails`` the runner fails with that message.
     """
 
     to: str
-    asked: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()
     text: str = ""
     outputs: Mapping[str, RunValue] = field(default_factory=dict)
     fails: str = ""
@@ -224,7 +224,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A world. ``digest`` is the SHA-256 of the file, "" if there is none."""
+    """A simulated world. ``digest`` is the SHA-256 of its file, "" if there is none."""
 
     name: str = ""
     map: Map = field(default_factory=lambda: Map(Rectangle(-10.0, -10.0, 10.0, 10.0)))
@@ -232,28 +232,28 @@ class World:
     changes: tuple[Change, ...] = ()
     places: tuple[Place, ...] = ()
     people: tuple[Person, ...] = ()
-    things: tuple[Thing, ...] = ()
+    things: tuple[WorldObject, ...] = ()
     sounds: tuple[Sound, ...] = ()
     answers: tuple[Answer, ...] = ()
     settings: Mapping[str, Settings] = field(default_factory=dict)
     digest: str = ""
 
     def settings_of(self, interface: str) -> Settings:
-        """The settings of an interface, under its name or under that without package."""
+        """The settings of an interface, by its full name or its name without the package."""
         short = interface.rpartition("/")[2]
         return self.settings.get(interface) or self.settings.get(short) or _USUAL
 
     def answer(
         self, interface: str, question: str, *, now_s: float, x: float, y: float
     ) -> Answer | None:
-        """The first answer that fits what a runner asks at a time and a place."""
+        """The first answer that fits the question of a runner at a time and place."""
         lowered = question.casefold()
         for answer in self.answers:
             if (
                 answer.to in (interface, interface.rpartition("/")[2])
                 and answer.window.holds(now_s)
                 and (answer.area is None or answer.area.holds(x, y))
-                and all(text.casefold() in lowered for text in answer.asked)
+                and all(text.casefold() in lowered for text in answer.words)
             ):
                 return answer
         return None

@@ -163,14 +163,14 @@ def _empty_control(draw: DrawFn, text: str) -> str:
 
 
 @_defect
-def _recovery_first(draw: DrawFn, text: str) -> str:  # noqa: ARG001
+def _recovery_first(_draw: DrawFn, text: str) -> str:
     """The first child of the plan is put into a recovery, which has nothing to recover from."""
     recovery = _first(text)
     return text if recovery is None else _plan(_control("recovery", recovery[0]) + recovery[1])
 
 
 @_defect
-def _recovery_holds_goal(draw: DrawFn, text: str) -> str:  # noqa: ARG001
+def _recovery_holds_goal(_draw: DrawFn, text: str) -> str:
     """The goal stands in the recovery, before its alternative."""
     recovery = _first(text)
     if recovery is None:
@@ -179,7 +179,7 @@ def _recovery_holds_goal(draw: DrawFn, text: str) -> str:  # noqa: ARG001
 
 
 @_defect
-def _recovery_before_goal(draw: DrawFn, text: str) -> str:  # noqa: ARG001
+def _recovery_before_goal(_draw: DrawFn, text: str) -> str:
     """The recovery stands before what it should guard."""
     recovery = _first(text)
     return (
@@ -197,7 +197,7 @@ def _goals_in_parallel(draw: DrawFn, text: str) -> str:
 
 
 @_defect
-def _rest_in_recovery(draw: DrawFn, text: str) -> str:  # noqa: ARG001
+def _rest_in_recovery(_draw: DrawFn, text: str) -> str:
     """All that comes after the first step stands in its recovery."""
     recovery = _first(text)
     return text if recovery is None else _plan(recovery[0] + _control("recovery", recovery[1]))
@@ -217,7 +217,7 @@ def _misspelt_interface(draw: DrawFn, text: str) -> str:
 
 
 @_defect
-def _explicit_completion(draw: DrawFn, text: str) -> str:  # noqa: ARG001
+def _explicit_completion(_draw: DrawFn, text: str) -> str:
     """The plan ends with the completion runner, which nobody has to write."""
     return _plan(f"{_inside(text)}  {_COMPLETION}\n") if _OPEN in text else text
 
@@ -321,7 +321,7 @@ def _entity(draw: DrawFn, text: str) -> str:
 
 
 @_markup
-def _missing_root(draw: DrawFn, text: str) -> str:  # noqa: ARG001
+def _missing_root(_draw: DrawFn, text: str) -> str:
     """There is no element around the steps."""
     return text.replace("<Plan>\n", "", 1).replace("</Plan>\n", "", 1)
 
@@ -359,19 +359,19 @@ def _prose_after(draw: DrawFn, text: str) -> str:
 
 
 @_instead
-def _empty(draw: DrawFn, text: str) -> str:  # noqa: ARG001
+def _empty(draw: DrawFn, _text: str) -> str:
     """The answer is empty."""
     return draw(st.sampled_from(["", "\n"]))
 
 
 @_instead
-def _prose_only(draw: DrawFn, text: str) -> str:  # noqa: ARG001
+def _prose_only(draw: DrawFn, _text: str) -> str:
     """There is no plan in the answer."""
     return draw(st.sampled_from(_REFUSALS))
 
 
 @_instead
-def _behaviour_tree(draw: DrawFn, text: str) -> str:  # noqa: ARG001
+def _behaviour_tree(_draw: DrawFn, _text: str) -> str:
     """The answer is a behaviour tree."""
     return _TREE
 
@@ -417,7 +417,7 @@ def answers(
     """
     for name in defects:
         if name not in _DEFECTS:
-            raise ValueError(f"there is no defect '{name}'; there are {', '.join(DEFECTS)}")
+            raise ValueError(f"there is no defect '{name}'; the defects are {', '.join(DEFECTS)}")
     meant = plans(max_runners=5) if plan is None else plan
     return _answers(meant, tuple(defects), min_defects, max_defects)
 

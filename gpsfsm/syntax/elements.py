@@ -56,7 +56,7 @@ def control_type_hint(written: str) -> str:
     """The hint for an unknown control type."""
     word = strip(written)
     if word in _TYPE_NAMES:
-        return f'remove the blanks: type="{word}"'
+        return f'remove the spaces: type="{word}"'
     lower = word.lower().replace("-", "_").replace(" ", "_")
     if lower in _TYPE_NAMES:
         return f'write type="{lower}": types are case-sensitive and have underscores'
@@ -78,7 +78,7 @@ def missing_type_hint(name: str | None) -> str:
     """The hint where a control has no type; ``name`` is its name attribute."""
     if name is not None and strip(name) in _TYPE_NAMES:
         word = strip(name)
-        return f'name="{word}" is how plans of 2024 said it; write type="{word}"'
+        return f'name="{word}" is the notation of 2024; write type="{word}"'
     return f'add type="…" with {_LIST}'
 
 
@@ -100,7 +100,7 @@ def unknown_element(tag: str, attributes: list[str]) -> str:
         return f"write <{tag.rpartition(':')[2][:40]}> without a prefix: a plan has no namespaces"
     if tag == "Event":
         return (
-            '<Event name="…" provider="…"/> is how plans of 2024 said it; '
+            '<Event name="…" provider="…"/> is the notation of 2024; '
             f"write {_RUNNER} with the full names of both"
         )
     hint = _tree_word(lower)
@@ -110,8 +110,10 @@ def unknown_element(tag: str, attributes: list[str]) -> str:
     if close:
         return f"write <{close.capitalize()}>"
     if "interface" in attributes or "provider" in attributes:
-        return f"write {_RUNNER}: every capability is a <Runner>, told apart by its interface"
-    return "a plan holds <Control> and <Runner> elements only; remove it or express it with these"
+        return f"write {_RUNNER}: every capability is a <Runner>, identified by its interface"
+    return (
+        "a plan contains only <Control> and <Runner> elements; remove it or express it with these"
+    )
 
 
 def _like_an_element(lower: str) -> str:
@@ -149,7 +151,7 @@ def behavior_tree_hint(names: Collection[str]) -> str:
     for name in names:
         written.setdefault(_translation(name.lower()), []).append(f"<{clip(name)}>")
     parts = [f"{_listed(tags)} as {words}" for words, tags in written.items()]
-    return f"write {'; '.join(parts)}. A tree inside <root> is checked as a tree"
+    return f"write {'; '.join(parts)}. To have it checked as a tree, put it into <root>"
 
 
 def _listed(tags: list[str]) -> str:
@@ -166,36 +168,36 @@ def _translation(lower: str) -> str:
     if kind:
         return f'<Control type="{kind}">'
     if lower in _LOOPS:
-        return 'the step inside, and the same again in a <Control type="recovery"> right after it'
+        return 'the step inside, followed by the same step in a <Control type="recovery">'
     if lower in _DECORATORS:
-        return "the steps that it stands for"
+        return "the steps inside it"
     return _RUNNER
 
 
 def _tree_word(lower: str) -> str:
     if lower in _PARALLEL:
         return (
-            'this is a behaviour tree word; write <Control type="parallel_all">, '
+            'this is a behaviour tree element; write <Control type="parallel_all">, '
             'or type="parallel_any" to wait for the first that succeeds'
         )
     if lower in _SYNONYMS:
         kind = _SYNONYMS[lower]
         more = ", with the goal right before it" if kind == "recovery" else ""
-        return f'this is a behaviour tree word; write <Control type="{kind}">{more}'
+        return f'this is a behaviour tree element; write <Control type="{kind}">{more}'
     if lower in _LOOPS:
         return (
-            "this is a behaviour tree word; a plan has no loops: "
+            "this is a behaviour tree element, and plans have no loops: "
             'write the runner again inside <Control type="recovery"> right after it'
         )
     if lower in _DECORATORS:
         return (
-            "this is a behaviour tree word; a plan has no such element: "
+            "this is a behaviour tree element, and plans have nothing like it: "
             "write the runners in place, inside a <Control>"
         )
     if lower in _MOVES:
         return f"write {_RUNNER} with the navigation capability and its parameters, such as x and y"
     if lower in _TREE_WORDS:
-        return f"this is a behaviour tree word; a plan says what to do with {_RUNNER}"
+        return f"this is a behaviour tree element; write {_RUNNER} for an action"
     return ""
 
 
@@ -325,7 +327,7 @@ class ElementRules:
         elif same:
             hint = f'add {name}="{clip(same, 80)}", if it is the same as the {other}'
         else:
-            hint = f'add {name}="package/SomeRunner" with the capability that shall run'
+            hint = f'add {name}="package/SomeRunner" with the capability to run'
         self._collector.add("GP107", start, length, message=message, hint=hint, element=path)
 
     def _packed(self, tag: StartTag, attribute: Attribute, path: str) -> None:
@@ -382,7 +384,7 @@ def _foreign_hint(foreign: Sequence[RawAttribute]) -> str:
     """The advice on attributes of a plan or control: an ID is no parameter of any runner."""
     identity = sum(raw.name.lower() == "id" for raw in foreign)
     if identity == len(foreign):
-        return "remove it, or write name instead: it is behaviour trees that have IDs"
+        return "remove it, or write name instead: only behaviour trees have IDs"
     them = "it" if len(foreign) == 1 else "them"
     moved = f"only runners take parameters: move {them} to the runner that needs {them}"
     if not identity:
@@ -444,11 +446,11 @@ class Namespaces:
             empty = raw.value_end == raw.value_start
             if empty and raw.name != "xmlns":
                 broken = True
-                message = f"'{clip(raw.name)}' declares a prefix for nothing"
+                message = f"'{clip(raw.name)}' declares a prefix without a namespace"
                 self._report(raw, "GP101", message, path)
             if not empty and raw.name == "xmlns" and tag.name in _ELEMENTS:
                 fatal = True
-                message = f"'xmlns' moves <{tag.name}> into an XML namespace, where no plan is"
+                message = f"'xmlns' puts <{tag.name}> into an XML namespace, and plans have none"
                 self._report(raw, "GP105", message, path)
         return NamespaceResult(broken, fatal)
 
@@ -467,7 +469,7 @@ class Namespaces:
         if not colon:
             return ""
         if not prefix or ":" in local or not NAME.match(local):
-            return "has a colon where none may be"
+            return "has a misplaced colon"
         if prefix == "xml" or is_namespace_declaration(name):
             return ""
         declared = bool(self._frames) and prefix in self._frames[-1][1]

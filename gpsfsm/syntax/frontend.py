@@ -39,17 +39,20 @@ _PLACE = pattern(r", line \d+, column \d+.*", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class Parsed:
-    """A text that was read: its plan and its problems.
+    """The result of parsing a text: a plan and its problems.
 
-    ``text`` is the decoded text without a byte order mark ("" where it cannot be decoded).
-    ``plan`` is None where the plan, and so every fact about it, cannot be known; ``problems`` are
-    in text order; ``notes`` say what was done or left out; ``over_limit`` tells that a limit ended
-    the reading. ``trees``: the text is a behaviour tree,
-    ``machine``: a machine. ``lost``: it holds what no plan can
-    express, so nothing about it is decided. ``body`` is what of an answer was taken, with blanks
-    before it so that offsets stay; of any other text it is the text. ``foreign``: nothing in the
-    text looks like a part of a plan. A path may have led to anything, so nobody is shown it.
-    ``included`` are the texts of the files that it includes, by name; ``forest``: all its trees.
+    - ``text``: the decoded text without a byte order mark; "" if it cannot be decoded.
+    - ``plan``: None if the plan, and so every fact about it, cannot be determined.
+    - ``problems``: in text order; ``notes``: what was done or left out.
+    - ``over_limit``: a limit ended the parsing.
+    - ``trees``, ``machine``: the text is a behaviour tree, or a machine.
+    - ``lost``: the text contains something that no plan can express, so nothing about it is
+      decided.
+    - ``body``: the part of an answer that was used, preceded by blanks to keep offsets; otherwise
+      the text.
+    - ``foreign``: nothing in the text looks like a plan. It may be any file that a path led to, so
+      it must not be displayed.
+    - ``included``: the texts of included files, by name; ``forest``: all behaviour trees.
     """
 
     file: str
@@ -75,10 +78,12 @@ def parse(
     limits: Limits = DEFAULT_LIMITS,
     from_response: bool = False,
 ) -> Parsed:
-    """Read a plan; never raises on bad input, but says in ``problems`` what is wrong with it.
+    """Parse the text of a plan. Bad input does not raise: see ``problems`` of the result.
 
-    With ``from_response`` the text is a language model's raw answer, and its last plan is taken.
-    Raises UsageError for what is no text.
+    ``file`` is the name to use in locations. With ``from_response`` the text is the raw answer of a
+    language model, and its last plan is used.
+
+    Raises UsageError if ``text`` is neither ``str`` nor ``bytes``.
 
     >>> parsed = parse('<Plan><Control type="parallel"/></Plan>')
     >>> [problem.rule for problem in parsed.problems]
@@ -159,14 +164,14 @@ def _without_illegal(text: str, collector: Collector) -> str:
         number = ord(character)
         name = "U+0000 (NUL)" if number == 0 else f"U+{number:04X}"
         what = "control character" if number < 0x20 else "character"
-        what = "half character" if 0xD800 <= number <= 0xDFFF else what
+        what = "surrogate" if 0xD800 <= number <= 0xDFFF else what
         least = "at least " if counts.total() == _MAX_CHARACTERS else ""
-        times = f", {least}{counts[character]:,} times" if counts[character] > 1 else ""
+        times = f" {least}{counts[character]:,} times" if counts[character] > 1 else ""
         collector.add(
             "GP116",
             offsets[0],
             1,
-            message=f"the {what} {name} stands in the text{times}; XML does not allow it",
+            message=f"the text contains the {what} {name}{times}, which XML does not allow",
             hint="remove it; if the text looks right, it was probably saved as UTF-16: use UTF-8",
             related=[Related(collector.location(offset)) for offset in offsets[1:]],
         )
@@ -183,7 +188,7 @@ def _cut(text: str, collector: Collector, limits: Limits) -> tuple[str, tuple[st
         extract.start,
         len("<Plan"),
         message=extract.note,
-        hint="nothing to do, if that is the plan you mean",
+        hint="nothing to do if that is the plan you mean",
         element="/Plan",
     )
     before = _NOT_LINE_ENDS.sub(" ", text[: extract.start])

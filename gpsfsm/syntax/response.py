@@ -197,7 +197,7 @@ def _thinking(scan: _Scan) -> list[str]:
         return []
     count = scan.thought
     plans = f" with {count:,} plan{'s' if count > 1 else ''} in it" if count else ""
-    return [f"what the model thought{plans}"]
+    return [f"the model's reasoning{plans}"]
 
 
 def _prose(text: str, start: int, end: int, scan: _Scan) -> list[str]:

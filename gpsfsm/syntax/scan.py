@@ -95,7 +95,7 @@ def _lone_less(text: str, start: int, end: int) -> list[Fault]:
         if len(faults) == _MAX_FAULTS:
             break
         shown = clip(text[match.start() : match.start() + 12])
-        message = f"this '<' begins no tag: '{shown}'"
+        message = f"this '<' does not begin a tag: '{shown}'"
         hint = spaced_tag_hint(text, match.start()) or "write '&lt;', or remove it"
         faults.append(Fault(match.start(), 1, message, hint))
     return faults
@@ -128,9 +128,9 @@ def read_bang(text: str, start: int, finder: Finder) -> Comment | TextRun | Mark
         message = f"a plan must not define entities or document types: '{shown}'"
         return Markup(start, end, [Fault(start, end - start, message, _DOCTYPE_HINT, "GP102")])
     if text[start + 2 : start + 5].lower() == "xml":
-        hint = 'an XML declaration is written <?xml version="1.0" encoding="UTF-8"?>'
+        hint = 'write an XML declaration as <?xml version="1.0" encoding="UTF-8"?>'
     else:
-        hint = "remove it; a comment is written <!-- like this -->"
+        hint = "remove it, or write a comment as <!-- like this -->"
     fault = Fault(start, end - start, f"'{shown}' is not XML", hint)
     return Markup(start, end, [fault])
 
@@ -168,7 +168,7 @@ def _comment(text: str, start: int, finder: Finder) -> Comment:
     if dashes < 0:
         return Comment(start, end + 3, end, [])
     message = "'--' is not allowed inside a comment"
-    return Comment(start, end + 3, end, [Fault(dashes, 2, message, "write one dash, or another")])
+    return Comment(start, end + 3, end, [Fault(dashes, 2, message, "write a single dash")])
 
 
 def _declaration(text: str, start: int) -> Markup:
@@ -177,8 +177,8 @@ def _declaration(text: str, start: int) -> Markup:
         return Markup(start, match.end(), [])
     end = _end_of(_TO_END, text, start)
     if match or (start > 0 and text.startswith("?>", end - 2)):
-        message = "an XML declaration is allowed at the very start of the text only"
-        hint = "remove it, or remove what stands before it (even blanks and empty lines)"
+        message = "an XML declaration is allowed only at the very start of the text"
+        hint = "remove it, or remove everything before it, even spaces and empty lines"
     elif not text.startswith("?>", end - 2):
         message = "the XML declaration does not end in '?>'"
         hint = 'write <?xml version="1.0" encoding="UTF-8"?>'
@@ -189,7 +189,7 @@ def _declaration(text: str, start: int) -> Markup:
 
 
 def _doctype(text: str, start: int, finder: Finder) -> Markup:
-    message = "a DOCTYPE is refused: it can make a program read files or exhaust its memory"
+    message = "a DOCTYPE is not allowed: it can make a parser read files or exhaust its memory"
     match = _DOCTYPE_WHOLE.match(text, start) if finder.find(">", start) >= 0 else None
     if match:
         length = match.end() - start

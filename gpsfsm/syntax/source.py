@@ -59,7 +59,7 @@ def read_source(data: str | bytes, limits: Limits) -> Source:
     if isinstance(data, str):
         return Source(data.removeprefix("\ufeff"))
     if data.startswith(_UTF32):
-        return Source(None, _fault(0, 0, "the text is UTF-32, which gpsfsm does not read"))
+        return Source(None, _fault(0, 0, "the text is UTF-32, which gpsfsm cannot read"))
     encoding = _by_mark(data)
     if encoding:
         return _decode(data, encoding)
@@ -67,12 +67,12 @@ def read_source(data: str | bytes, limits: Limits) -> Source:
     declared = match[1].decode("ascii", "replace").strip() if match else "utf-8"
     codec = _ENCODINGS.get(declared.lower().replace("_", "-"))
     if codec is None:
-        message = f"the text declares the encoding '{declared}', which gpsfsm does not read"
+        message = f"the text declares the encoding '{declared}', which gpsfsm cannot read"
         return _at(data, declared, None, message)
     if codec.startswith("utf-16"):
         # The declaration could be read byte by byte, so the text is anything but UTF-16.
         decoded = _decode(data, "utf-8")
-        message = f"the text declares the encoding '{declared}', but it is not written in it"
+        message = f"the text declares the encoding '{declared}', but is not encoded in it"
         return decoded if decoded.fault else _at(data, declared, decoded.text, message)
     return _decode(data, codec)
 
@@ -164,10 +164,10 @@ def _same(text: str, data: bytes, codec: str) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """The most that the front end reads; beyond it the plan is not read and GP103 says so.
+    """The limits of the parser. A larger plan is not parsed, and finding GP103 says why.
 
-    ``max_attributes`` counts per element, ``max_attribute_length`` is in code points of the
-    source, ``max_problems`` is the number of problems that are listed per rule.
+    ``max_attributes`` is per element, ``max_attribute_length`` in code points of the source, and
+    ``max_problems`` the number of problems that are listed per rule.
 
     >>> Limits(max_depth=5).max_elements
     250000
@@ -191,7 +191,7 @@ class Limits:
 
     @property
     def max_markup(self) -> int:
-        """The number of tags, comments and texts: bounds what the limit on elements does not."""
+        """The most tags, comments and texts, which ``max_elements`` does not limit."""
         return 4 * self.max_elements + 1000
 
 

@@ -97,12 +97,17 @@ def read_end_tag(text: str, start: int) -> EndTag:
     name = named[0] if named else ""
     length = end - start
     if not name:
-        message = f"'{clip(text[start:end])}' closes no element: the name is missing"
-        return EndTag(start, end, "", [Fault(start, length, message, "write </Control>, say")])
+        message = f"'{clip(text[start:end])}' is an end tag without a name"
+        return EndTag(
+            start,
+            end,
+            "",
+            [Fault(start, length, message, "write the name of the element, as in </Control>")],
+        )
     if not text.startswith(">", end - 1):
         message = f"the end tag '</{clip(name)}' has no '>'"
         return EndTag(start, end, name, [Fault(start, length, message, "add '>'")])
-    message = f"an end tag holds a name and nothing else: '{clip(text[start:end])}'"
+    message = f"an end tag contains only a name: '{clip(text[start:end])}'"
     hint = f"write '</{clip(name)}>'"
     return EndTag(start, end, name, [Fault(start, length, message, hint)])
 
@@ -198,7 +203,9 @@ class _TolerantReader:
         blank = BLANK.match(text, slash + 1)
         after = blank.end() if blank else slash + 1
         if text.startswith(">", after):
-            self._fault(slash, after + 1 - slash, "'/' and '>' belong together", "write '/>'")
+            self._fault(
+                slash, after + 1 - slash, "nothing may come between '/' and '>'", "write '/>'"
+            )
             return self._done(after + 1, empty=True)
         self._fault(slash, 1, f"a stray '/' in the tag <{clip(self.name)}>", "remove it")
         self.pos = slash + 1
@@ -214,20 +221,20 @@ class _TolerantReader:
             self._fault(
                 start,
                 end - start,
-                f"{shown} does not belong into the tag <{clip(self.name)}>",
+                f"{shown} does not belong in the tag <{clip(self.name)}>",
                 'an attribute is written name="value"',
             )
             self.pos = end
             return
         name, self.pos = lax[0], lax.end()
         if not spaced:
-            message = f"a blank is missing before the attribute '{clip(name)}'"
-            self._fault(start, len(name), message, "put a blank between attributes")
+            message = f"a space is missing before the attribute '{clip(name)}'"
+            self._fault(start, len(name), message, "put a space between attributes")
         if not NAME.fullmatch(name):
             self._fault(
                 start,
                 len(name),
-                f"'{clip(name)}' is not the name of an attribute",
+                f"'{clip(name)}' is not a valid attribute name",
                 'an attribute is written name="value"; names begin with a letter',
             )
         self._value(name, start)

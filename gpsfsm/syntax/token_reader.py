@@ -172,8 +172,8 @@ class Nesting:
                 "GP114",
                 start,
                 length,
-                message=f"a runner holds nothing, but this one holds {shown}",
-                hint="close the runner with '/>' and move this behind it, or remove it",
+                message=f"a runner must be empty, but this one contains {shown}",
+                hint="close the runner with '/>' and move this after it, or remove it",
                 element=frame.path,
             )
         elif frame.inside is Inside.PLAN and not frame.filled:
@@ -183,7 +183,7 @@ class Nesting:
                 frame.start,
                 1 + len(frame.tag),
                 message=f"this {what} is empty: it does nothing",
-                hint="put runners into it" + ("" if what == "plan" else ", or remove it"),
+                hint="add runners to it" + ("" if what == "plan" else ", or remove it"),
                 element=frame.path,
             )
 
@@ -281,7 +281,7 @@ class Nesting:
         message = f"</{clip(tag.name)}> closes nothing: no <{clip(tag.name)}> is open here"
         hint = "remove it"
         if top:
-            hint = f"remove it, or write </{clip(top.tag)}> if it shall close that element"
+            hint = f"remove it, or write </{clip(top.tag)}> if it is meant to close that element"
         self._collector.add(
             "GP101",
             tag.start,
@@ -427,7 +427,7 @@ class TokenReader(ABC):
     def _over(self, start: int, message: str, option: str) -> None:
         self.over = True
         raised = f"raise --{option} if the {self.noun} is meant to be like this"
-        hint = f"gpsfsm stops reading here; {raised if option else 'correct it'}"
+        hint = f"{raised if option else 'correct it'}; gpsfsm stops reading here"
         self.collector.add("GP103", start, 1, message=message, hint=hint)
 
     def _attach(self, scope: str) -> None:

@@ -264,8 +264,10 @@ class TreeBuilder(TokenReader):
             "GP113",
             last.start,
             last.end - last.start,
-            message="a plan completes by itself; this completion runner at its end is left out",
-            hint="remove it: completion follows the last element on its own",
+            message=(
+                "this completion runner is unnecessary: a plan completes after its last element"
+            ),
+            hint="remove it; the check ignores it",
             element=f"/Plan/Runner[{last.ordinal}]",
         )
         return last
@@ -305,14 +307,14 @@ def no_element(text: str, collector: Collector) -> None:
     start = len(text) - len(text.lstrip(WHITE))
     if start == len(text):
         message = "the text is empty: there is no <Plan>"
-        collector.add("GP104", 0, 0, message=message, hint="a plan is written <Plan>…</Plan>")
+        collector.add("GP104", 0, 0, message=message, hint="write a plan as <Plan>…</Plan>")
         return
-    message = "there is no <Plan> in this text, nor any other element"
-    hint = "a plan is written <Plan>…</Plan>"
+    message = "the text contains no <Plan> and no other element"
+    hint = "write a plan as <Plan>…</Plan>"
     if SPACED_TAG.match(text, start):
         hint = "remove the space after '<'"
     elif "&lt;Plan" in text:
-        hint = "the plan is written with '&lt;' instead of '<': replace these"
+        hint = "the plan is written with '&lt;' instead of '<': replace each '&lt;' with '<'"
     elif "```" in text or "<Plan" in text:
         hint = _RESPONSE
     collector.add("GP104", start, len(text) - start, message=message, hint=hint)
@@ -328,7 +330,7 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
     trees = behavior_tree_root(tag.name, names)
     if not (trees or OF_PLANS.search(text)):
         message = "the outermost element is not <Plan>: a plan is one <Plan> element"
-        hint = f"a plan is written <Plan>…</Plan>; {_RESPONSE}"
+        hint = f"write a plan as <Plan>…</Plan>; {_RESPONSE}"
         collector.add("GP104", tag.start, 1, message=message, hint=hint)
         return
     name = clip(tag.name)
@@ -337,7 +339,7 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
         hint = "write <Plan>: names of elements are case-sensitive"
     elif inner_plan >= 0:
         line = collector.location(inner_plan).line
-        hint = f"the <Plan> on line {line} must be outermost; {_RESPONSE}"
+        hint = f"make the <Plan> on line {line} the outermost element; {_RESPONSE}"
     elif tag.name in ("Control", "Runner"):
         hint = "put <Plan> before it and </Plan> after it"
     elif trees:
@@ -345,9 +347,9 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
             f"the outermost element is <{name}>: this is a BehaviorTree.CPP behaviour tree, "
             "not a plan"
         )
-        hint = "a plan is written <Plan>…</Plan> with <Control> and <Runner> elements inside"
+        hint = "write a plan as <Plan>…</Plan> with <Control> and <Runner> elements inside"
     else:
-        hint = f"a plan is written <Plan>…</Plan>; {_RESPONSE}"
+        hint = f"write a plan as <Plan>…</Plan>; {_RESPONSE}"
     length = 1 + len(tag.name)
     collector.add("GP104", tag.start, length, message=message, hint=hint, element=f"/{name}")
 
@@ -527,10 +529,10 @@ class Strays:
         times = unknown.times
         message = f"<{clip(tag)}> is not an element of a plan{times}"
         if tag == "Plan":
-            message = f"a <Plan> must not stand inside a plan{times}"
+            message = f"a plan must not contain a <Plan>{times}"
         hint = unknown_element(tag, unknown.attributes)
         if tag == "Plan":
-            hint = 'write <Control type="sequential"> instead, or leave the inner <Plan> out'
+            hint = 'write <Control type="sequential"> instead, or remove the inner <Plan>'
         self._collector.add(
             "GP105",
             unknown.start,
@@ -549,7 +551,7 @@ class Strays:
             "GP101",
             start,
             1 + len(name),
-            message=f"a plan text holds one <Plan>; <{clip(name)}> stands after its end",
+            message=f"a plan is a single <Plan>, but <{clip(name)}> comes after its end",
             hint="move it into the plan, or keep one plan per file; " + _OUTSIDE[11:]
             if name == "Plan"
             else "move it into the plan or remove it",

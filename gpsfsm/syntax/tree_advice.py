@@ -122,11 +122,12 @@ class Advice:
         acting = [child for child in node.children if self._acts(self.nodes[child])]
         if len(acting) < 2:
             return
-        lines = [str(self.nodes[child].line) for child in acting]
+        lines = list(dict.fromkeys(str(self.nodes[child].line) for child in acting))
+        before = f"s {', '.join(lines[:-1])} and" if len(lines) > 1 else ""
         message = (
-            f"{len(acting)} children of this {node.identity} act (lines {', '.join(lines[:-1])} "
-            f"and {lines[-1]}): at each tick the first of them is ticked again, and if it runs, "
-            "it halts the later one"
+            f"{len(acting)} children of this {node.identity} are actions (line{before} "
+            f"{lines[-1]}): every tick starts again at the first of them, and if that runs, it "
+            "halts the later one"
         )
         hint = (
             f"put conditions before one child that acts, or use "
@@ -165,22 +166,24 @@ class Advice:
         retries = _whole(node, "number_of_retries", 1)
         if retries == 0:
             message = (
-                f"number_of_retries is 0: this RecoveryNode never runs its recovery (line "
+                "number_of_retries is 0: this RecoveryNode never runs its recovery (line "
                 f"{second.line}), and fails as soon as its first child does"
             )
-            hint = "write how often the recovery may be tried, or leave the RecoveryNode out"
+            hint = "write how often the recovery may be tried, or remove the RecoveryNode"
         elif retries < 0:
             message = (
-                f"number_of_retries is {retries}: a RecoveryNode takes no negative number for no "
-                "end, and what Nav2 makes of it depends on the release"
+                f"number_of_retries is {retries}: a RecoveryNode has no endless retries, and the "
+                "effect of a negative number depends on the Nav2 release"
             )
-            hint = 'for no end write a large number, as number_of_retries="999999999"'
+            hint = 'for endless retries, write a large number: number_of_retries="999999999"'
         elif self._never_succeeds(second):
             message = (
                 f"the recovery of this RecoveryNode (line {second.line}) never succeeds, so the "
                 "first child is never tried again"
             )
-            hint = "a RecoveryNode tries its first child again only after its second has succeeded"
+            hint = (
+                "let the recovery succeed: only then does a RecoveryNode try its first child again"
+            )
         else:
             return
         self._tell("GP821", node, message, hint)
@@ -214,16 +217,16 @@ class Advice:
             return
         if turns == 1:
             message = (
-                "nothing enters this RoundRobin a second time, so it does what a Fallback does: "
+                "this RoundRobin is entered only once, so it behaves like a Fallback: "
                 "it begins at its first child"
             )
-            hint = "write Fallback, or put it where it is entered again"
+            hint = "use Fallback, or move it to where it is entered again"
         else:
             message = (
-                f"this RoundRobin is entered at most {turns:.0f} times and has {count} children: "
+                f"this RoundRobin is entered at most {turns:.0f} times but has {count} children: "
                 "the last ones run only if others fail"
             )
-            hint = f"for each child to have its turn it has to be entered {count} times"
+            hint = f"let it be entered {count} times, so that each child has its turn"
         self._tell("GP822", node, message, hint)
 
     def _entered(self, node: TreeNode) -> float:
@@ -264,10 +267,10 @@ class Advice:
             if not output or not text or text == "=" or is_reference(text):
                 continue
             message = (
-                f"{clip(attribute.name)} is an output, and '{clip(text)}' is no key: what "
-                f"{clip(node.identity)} writes there is lost"
+                f"{clip(attribute.name)} is an output, but '{clip(text)}' is not a key: what "
+                f"{clip(node.identity)} writes is lost"
             )
-            hint = "an output is written to a key in braces"
+            hint = "put the key in braces"
             if NAME.fullmatch(text):
                 hint += f': {attribute.name}="{{{clip(text)}}}"'
             collector = self.collector.of(node.file)
@@ -351,14 +354,14 @@ class Advice:
             others = {(each.file, each.line) for each, _ in places} - {(node.file, node.line)}
             lines = [line_words(str(line), file) for file, line in sorted(others)[:_MOST]]
             also = f" (also on line {', '.join(lines)})" if lines else ""
-            message = f"{{{clip(name)}}} is read here{also}, and nothing in this file writes it"
-            hint = "check its spelling; if your program sets it, nothing is wrong"
+            message = f"{{{clip(name)}}} is read here{also}, but nothing in this file writes it"
+            hint = "check its spelling, unless your program sets it"
             if name in self.bare:
                 line, port = self.bare[name]
                 braced = f'{port}="{{{clip(name)}}}"'
                 hint = (
                     f"{port} has the name without braces on {line}: write {braced} there, "
-                    "unless that node takes the name of a key"
+                    "unless that node expects the name of a key"
                 )
             collector = self.collector.of(node.file)
             offset = collector.lines.offset(attribute.line, attribute.column)

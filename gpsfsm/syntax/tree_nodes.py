@@ -88,8 +88,8 @@ def _model(
     """Take in a model; ``here`` are the names in the TreeNodesModel in which it is."""
     name = node.text("ID")
     if node.tag not in _CATEGORIES:
-        message = f"<{clip(node.tag)}> describes no kind of node"
-        hint = f"a TreeNodesModel holds {', '.join(_CATEGORIES[:-1])} and {_CATEGORIES[-1]}"
+        message = f"<{clip(node.tag)}> is not a kind of node"
+        hint = f"use {', '.join(_CATEGORIES[:-1])} or {_CATEGORIES[-1]}"
         tell(collector, "GP814", node, message=message, hint=hint)
         return
     if not name:
@@ -97,7 +97,7 @@ def _model(
         tell(collector, "GP807", node, message=message, hint='add the name of the node: ID="…"')
         return
     if name in RESERVED:
-        message = f"'{clip(name)}' is the name of a built-in node; no node of your own can have it"
+        message = f"'{clip(name)}' is the name of a built-in node, which your own nodes cannot have"
         tell(collector, "GP804", node, message=message, hint="choose another ID")
         return
     first = models.get(name)
@@ -112,8 +112,8 @@ def _model(
         port = nodes[index]
         kind = PORT_TAGS.get(port.tag)
         if kind is None:
-            message = f"<{clip(port.tag)}> is no port: BehaviorTree.CPP does not read it"
-            hint = "write <input_port>, <output_port> or <inout_port>, in small letters"
+            message = f"<{clip(port.tag)}> is not a port: BehaviorTree.CPP does not read it"
+            hint = "write <input_port>, <output_port> or <inout_port>, in lower case"
             tell(collector, "GP814", port, message=message, hint=hint)
         elif not port.text("name"):
             message = "this port has no name"
@@ -124,7 +124,7 @@ def _model(
         models[name] = NodeModel(node.tag, ports, node.line, node.file)
     elif (first.category, first.ports) != (node.tag, ports):
         where = line_words(f"line {first.line}", first.file)
-        message = f"'{clip(name)}' is described in another manner on {where}"
+        message = f"'{clip(name)}' is described differently on {where}"
         tell(collector, "GP806", node, message=message, hint="keep one of the descriptions")
 
 
@@ -156,7 +156,7 @@ class NodeRules:
     def check(self, top: TreeNode) -> None:
         """Report what is wrong in a tree."""
         if len(top.children) != 1:
-            hint = "put the nodes into a <Sequence>" if top.children else "put a node into it"
+            hint = "put the nodes into a <Sequence>" if top.children else "add a node to it"
             self._count(top, "a tree has exactly one child", hint)
         pending = list(reversed(top.children))
         while pending:
@@ -173,7 +173,7 @@ class NodeRules:
     def _node(self, node: TreeNode) -> None:
         name = node.identity
         if not name:
-            message = f"this <{node.tag}> has no ID: which node is it?"
+            message = f"this <{node.tag}> has no ID, so it names no node"
             self._tell("GP807", node, message, 'add the name of the node: ID="…"')
             return
         self._scripts(node, name)
@@ -214,16 +214,16 @@ class NodeRules:
                 start = quote.end() + fault  # without references to characters
             shown = clip(attribute.text[fault:]) if fault < len(attribute.text) else ""
             where = f"at '{shown}'" if shown else "at its end"
-            message = f"the script in {attribute.name} is broken {where}"
+            message = f"the script in '{attribute.name}' has an error {where}"
             hint = "write values and assignments, such as count := count + 1; door != 'open'"
             if script.mixed:
-                hint = "arithmetic, operators of bits, ! and .. do not mix: use parentheses"
+                hint = "use parentheses: arithmetic, bitwise operators, ! and .. do not mix"
             length = 1 if shown else 0
             collector.add("GP818", start, length, message=message, hint=hint, element=node.path)
         port = PORTS.get(name)
         if port is not None and node.attribute(port) is None:
             hint = f'add the script: {port}="…"'
-            self._tell("GP818", node, f"this {name} does not say its {port}", hint)
+            self._tell("GP818", node, f"this {name} lacks {port}", hint)
 
     def _special(self, node: TreeNode) -> None:
         """Report attributes that look like those of every node, and that version 4 ignores."""
@@ -233,11 +233,11 @@ class NodeRules:
             written = attribute.name
             meant = special_name(written, self.version)
             if meant:
-                message = f"BehaviorTree.CPP ignores {clip(written)} without a word"
+                message = f"BehaviorTree.CPP silently ignores {clip(written)}"
                 hint = f"did you mean {meant}?"
             elif written not in SPECIAL and is_unread_script(written, attribute.text):
-                message = f"BehaviorTree.CPP knows no {clip(written)} and ignores it"
-                hint = "scripts stand in _skipIf, _failureIf, _successIf, _while, _onSuccess, …"
+                message = f"BehaviorTree.CPP has no attribute {clip(written)} and ignores it"
+                hint = "put scripts into _skipIf, _failureIf, _successIf, _while, _onSuccess, …"
             else:
                 continue
             tell(self.collector, "GP824", node, message=message, hint=hint, at=attribute)
@@ -247,11 +247,11 @@ class NodeRules:
         if count >= least and (most < 0 or count <= most):
             return
         if most < 0:
-            self._count(node, f"{_a(name)} has at least {_many(least)}", "put nodes into it")
+            self._count(node, f"{_a(name)} has at least {_many(least)}", "add nodes to it")
         elif most == 0:
-            self._count(node, f"{_a(name)} has no child", "move what is in it behind it")
+            self._count(node, f"{_a(name)} has no child", "move its content after it")
         elif least == most == 1:
-            hint = "put what it holds into one <Sequence>" if count else "put a node into it"
+            hint = "wrap its children in one <Sequence>" if count else "add a node to it"
             self._count(node, f"{_a(name)} has exactly one child", hint)
         else:
             needed = _many(least) if least == most else f"{least} to {_many(most)}"
@@ -260,7 +260,7 @@ class NodeRules:
     def _subtree(self, node: TreeNode) -> None:
         name = node.text("ID")
         if not name:
-            message = f"this <{node.tag}> has no ID: which tree does it stand for?"
+            message = f"this <{node.tag}> has no ID, so it names no tree"
             self._tell("GP807", node, message, 'add the ID of the tree: ID="…"')
         elif name not in self.trees:
             alike = nearest(name, self.trees)
@@ -269,7 +269,7 @@ class NodeRules:
             if alike.lower() == name.lower():
                 hint = f'write ID="{clip(alike)}"'
             elif alike:  # StationF is not a misspelt StationE, so that is not all there is to say
-                hint += f', or write ID="{clip(alike)}" if that is meant'
+                hint += f', or write ID="{clip(alike)}" if you mean that one'
             self._tell("GP801", node, message, hint)
 
     def _ports(self, node: TreeNode, name: str, builtin: Builtin) -> None:
@@ -286,17 +286,19 @@ class NodeRules:
                 self._is_number(attribute.text, port) or is_reference(attribute.text)
             ):
                 meant = whole_number(attribute.text)
-                least = " from 0 on" if port in _UNSIGNED else ""
+                least = " of at least 0" if port in _UNSIGNED else ""
                 meant = "" if least and meant.startswith("-") else meant
-                message = f"{port} is a whole number{least}, not '{clip(attribute.text)}'"
+                message = f"{port} must be a whole number{least}, not '{clip(attribute.text)}'"
                 hint = f'write a number, for instance {port}="3"'
                 if meant:
-                    message = f"{port} has a blank, a plus or a point that does not belong there"
+                    message = (
+                        f"{port} contains a space, a plus sign or a point that must not be there"
+                    )
                     hint = f'write {port}="{meant}"'
                 tell(self.collector, "GP811", node, message=message, hint=hint, at=attribute)
         for port in builtin.integers if name in _NEEDED else ():
             if node.attribute(port) is None:
-                message = f"this {name} does not say its {port}"
+                message = f"this {name} lacks {port}"
                 self._tell("GP811", node, message, f'add it, for instance {port}="3"')
 
     def _is_number(self, text: str, port: str) -> bool:
@@ -314,14 +316,12 @@ class NodeRules:
         category = node.tag if node.explicit else model.category if model else ""
         if category in ("Action", "Condition", "SubTree") and node.children:
             article = "an" if category == "Action" else "a"
-            self._count(node, f"{article} {category} has no child", "move what is in it behind it")
+            self._count(node, f"{article} {category} has no child", "move its content after it")
         elif category == "Decorator" and len(node.children) != 1:
-            hint = (
-                "put what it holds into one <Sequence>" if node.children else "put a node into it"
-            )
+            hint = "wrap its children in one <Sequence>" if node.children else "add a node to it"
             self._count(node, "a Decorator has exactly one child", hint)
         elif category == "Control" and not node.children:
-            self._count(node, "a Control has at least one child", "put nodes into it")
+            self._count(node, "a Control has at least one child", "add nodes to it")
         if not node.explicit and node.attribute("ID") is not None:
             message = f"<{clip(name)}> has an ID, but its tag is its ID"
             hint = f'remove the ID, or write <Action ID="{clip(name)}" …/>'
@@ -338,12 +338,12 @@ class NodeRules:
                 message = f"there is no node '{clip(name)}'"
             hint = _description(node, name)
             self._tell(
-                "GP812", node, message, f"did you mean {alike}? Else {hint}" if alike else hint
+                "GP812", node, message, f"did you mean {alike}? Otherwise {hint}" if alike else hint
             )
         elif alike and (node.children or alike.lower() == name.lower()):
             message = f"BehaviorTree.CPP has no node <{clip(name)}> of its own"
             hint = (
-                f"did you mean {alike}? If it is yours, add <TreeNodesModel> with its description"
+                f"did you mean {alike}? If the node is your own, describe it in a <TreeNodesModel>"
             )
             self._tell("GP812", node, message, hint)
 
@@ -409,8 +409,8 @@ def _ports_hint(port: str, allowed: Collection[str]) -> str:
     if alike:
         return f"did you mean {alike}?"
     names = sorted(allowed)[:_MOST_PORTS]
-    what = "the port" if len(names) == 1 else "the ports"
-    return f"it has {what} {', '.join(names)}" if names else ""
+    what = "the port" if len(names) == 1 else "one of the ports"
+    return f"use {what} {', '.join(names)}" if names else ""
 
 
 def _description(node: TreeNode, name: str) -> str:

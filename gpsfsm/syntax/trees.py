@@ -202,7 +202,7 @@ class Reading:
                 "GP116",
                 illegal.start(),
                 1,
-                message=f"the text holds the character {shown}; XML does not allow it",
+                message=f"the text contains the character {shown}, which XML does not allow",
                 hint="remove it",
             )
         body = ILLEGAL.sub(" ", text) if illegal else text
@@ -288,7 +288,7 @@ class TreeReader(TokenReader):
             path = f"{self._prefix}{path}"
         if self._tags and not frames:
             self.broken = self.fatal = True
-            message = f"a second outermost element <{clip(tag.name)}>; there must be one only"
+            message = f"a second outermost element <{clip(tag.name)}>; there must be only one"
             hint = "keep one <root>; --from-response takes the last one of a model's answer"
             self.collector.add(
                 "GP101", tag.start, 1 + len(tag.name), message=message, hint=hint, element=path
@@ -350,8 +350,8 @@ _VERSIONS = {"3": 3, "4": 4}
 MAIN = "main_tree_to_execute"
 OF_ROOT = ("BehaviorTree", "TreeNodesModel", "include", "Metadata")
 _ONE_TEXT = Target(
-    why="this includes another file; files are read only for a tree that is a file itself",
-    hint="put the trees into one file, or let gpsfsm check read this file by its path",
+    why="this includes another file, which is read only for a tree that is itself a file",
+    hint="put the trees into one file, or pass the path of this file to gpsfsm check",
 )
 
 
@@ -384,7 +384,9 @@ class TreeRules:
             if each.tag == "root":
                 self.tops += self._tops(each)
                 continue
-            message = f"the outermost element is <{clip(each.tag)}>, but trees stand in <root>"
+            message = (
+                f"the outermost element is <{clip(each.tag)}>, but trees must be inside <root>"
+            )
             hint = 'put <root BTCPP_format="4"> before it and </root> after it'
             tell(self.collector, "GP815", each, message=message, hint=hint)
             self.tops.append(each)
@@ -416,9 +418,9 @@ class TreeRules:
                 self._include(node)
             elif node.tag not in OF_ROOT:
                 message = (
-                    f"<{clip(node.tag)}> means nothing here: BehaviorTree.CPP does not read it"
+                    f"<{clip(node.tag)}> has no effect here: BehaviorTree.CPP does not read it"
                 )
-                hint = "nodes stand inside of a <BehaviorTree>; move it there, or remove it"
+                hint = "move it into a <BehaviorTree>, or remove it"
                 tell(self.collector, "GP814", node, message=message, hint=hint)
         return tops
 
@@ -439,7 +441,7 @@ class TreeRules:
             other = version if each is root else self._version(each)
             if version and other and other != version:
                 message = f"this is format {other}, but the file that includes it has {version}"
-                hint = "gpsfsm takes all files for that format; write one format into all of them"
+                hint = "declare one format in all files; gpsfsm uses that of the including file"
                 at = each.attribute("BTCPP_format")
                 tell(self.collector, "GP808", each, message=message, hint=hint, at=at)
         return version
@@ -449,13 +451,13 @@ class TreeRules:
         written = root.attribute("BTCPP_format")
         if written is None:
             if root.tag == "root":
-                message = "the format of the trees is not given"
+                message = "<root> does not declare the format of the trees"
                 hint = 'add BTCPP_format="4" (or "3") to <root>'
                 tell(self.collector, "GP808", root, message=message, hint=hint)
             return 0
         version = _VERSIONS.get(written.text.strip(), 0)
         if not version:
-            message = f"there is no format '{clip(written.text)}' of trees"
+            message = f"there is no tree format '{clip(written.text)}'"
             hint = 'write BTCPP_format="4" or BTCPP_format="3"'
             tell(self.collector, "GP808", root, message=message, hint=hint, at=written)
         return version
@@ -466,14 +468,14 @@ class TreeRules:
             name = top.text("ID")
             if not name:
                 if len(self.tops) > 1:
-                    message = "this tree has no ID, so that nothing can refer to it"
+                    message = "this tree has no ID, so nothing can refer to it"
                     tell(self.collector, "GP807", top, message=message, hint='add one: ID="…"')
                 self.trees.setdefault("", top.index)
             elif name in self.trees:
                 line = self.nodes[self.trees[name]].location.words
                 message = (
-                    f"there is a tree '{clip(name)}' already, on {line}; BehaviorTree.CPP "
-                    "takes the last one"
+                    f"there already is a tree '{clip(name)}' on {line}; BehaviorTree.CPP "
+                    "uses the last one"
                 )
                 hint = "give one of the two another ID"
                 tell(self.collector, "GP806", top, message=message, hint=hint)
@@ -490,7 +492,7 @@ class TreeRules:
         written = root.attribute(MAIN)
         if not self.tops:
             message = "there is no <BehaviorTree> in this file"
-            hint = 'a tree is written <BehaviorTree ID="…">…</BehaviorTree>, inside of <root>'
+            hint = 'write a tree as <BehaviorTree ID="…">…</BehaviorTree> inside <root>'
             tell(self.collector, "GP802", root, message=message, hint=hint)
             return -1
         if written is not None:
@@ -502,7 +504,7 @@ class TreeRules:
             hint = f'write {MAIN}="{clip(intended)}"' if intended else "give the tree this ID"
             tell(self.collector, "GP802", root, message=message, hint=hint, at=written)
         elif len(self.tops) > 1:
-            message = f"there are {len(self.tops)} trees, and nothing says which of them runs"
+            message = f"there are {len(self.tops)} trees, and nothing defines which of them runs"
             hint = f'add {MAIN}="…" to <root>'
             tell(self.collector, "GP802", root, message=message, hint=hint)
         used = {target for uses in references.values() for _, target in uses}
@@ -549,8 +551,8 @@ class TreeRules:
     def _recursive(self, use: int, target: int) -> None:
         node, tree = self.nodes[use], self.nodes[target]
         message = (
-            f"the tree '{clip(tree.text('ID'))}' holds itself: it would never end, and "
-            "BehaviorTree.CPP dies when it loads it"
+            f"the tree '{clip(tree.text('ID'))}' contains itself: it would never end, and "
+            "BehaviorTree.CPP crashes when it loads it"
         )
-        hint = f"do not use the tree of {tree.location.words} here; to repeat it, use Repeat"
+        hint = f"do not use the tree of {tree.location.words} here; use Repeat to repeat it"
         tell(self.collector, "GP809", node, message=message, hint=hint)

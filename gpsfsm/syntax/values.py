@@ -93,8 +93,8 @@ def _fault(raw: str, match: re.Match[str], offset: int) -> Fault:
         return Fault(
             start,
             len(written),
-            f"'{clip(written)}' does not stand for a character that XML allows",
-            "write the character itself, or its number as in &#233;",
+            f"'{clip(written)}' does not denote a character that XML allows",
+            "write the character itself, or its code, as in &#233;",
         )
     for entity in ("lt", "gt", "amp", "quot", "apos"):
         if name.startswith(entity) and not written.endswith(";"):
@@ -108,7 +108,7 @@ def _fault(raw: str, match: re.Match[str], offset: int) -> Fault:
         return Fault(
             start,
             len(written),
-            f"'{clip(written)}' is unknown: a plan knows &lt; &gt; &amp; &quot; &apos; only",
+            f"unknown entity '{clip(written)}': only &lt; &gt; &amp; &quot; &apos; are defined",
             "write the character itself; for a plain '&' write '&amp;'",
         )
     return Fault(start, 1, "a lone '&' is not allowed in XML", "write '&amp;'")

@@ -436,11 +436,11 @@ def task_findings(context: Context, task: Task) -> TaskFindings:
         if echo is Echo.SAME:
             message = (
                 f"this {context.terms.whole} does what '{example.name}' does, "
-                "which is no answer to the task"
+                "which is not an answer to the task"
             )
             findings.append(rule("GP609").finding(message, plan.location(0)))
         elif echo is Echo.UNDECIDED:
-            undecided.append(f"whether the plan is '{example.name}'")
+            undecided.append(f"whether the plan does what '{example.name}' does")
     findings += _misused_nodes(context, task)
     constraints = context.deciders.constraints
     options = context.options
@@ -459,9 +459,9 @@ def task_findings(context: Context, task: Task) -> TaskFindings:
             )
         )
     unclear = [
-        f"{each.demand} cannot be decided: what arrives as {listed(list(each.names))} at "
-        f"{context.place(plan.runners[each.runner])} counts more than what the plan writes, and "
-        "decides whether that action is meant"
+        f"{each.demand} cannot be decided: an incoming {listed(list(each.names))} replaces the "
+        f"one that the plan writes for {context.place(plan.runners[each.runner])}, and whether "
+        "the action matches depends on it"
         for each in decision.unknown
     ]
     open_ = {each.demand for each in decision.unknown}
@@ -486,5 +486,5 @@ def _misused_nodes(context: Context, task: Task) -> Iterator[Finding]:
         if runner.interface in compact and tag != runner.interface and place not in seen:
             seen.add(place)
             name = runner.interface
-            message = f'the task has the node <{name}>, not <{tag} ID="{name}">'
+            message = f'the task writes this node as <{name}>, not as <{tag} ID="{name}">'
             yield rule("GP610").finding(message, location, hint=f"write <{name} …/>")

@@ -95,9 +95,9 @@ _MAX_EXAMPLES = 20
 
 
 def load_task(file: str | Path) -> Task:
-    """The task that a file describes; the files it names are found from its folder.
+    """Load a task file; paths in it are relative to its folder.
 
-    Raises ConfigError, with a line for each defect, if anything is wrong with the file.
+    Raises ConfigError, with one line for each defect, if the file is invalid.
     """
     notes = Notes(str(file), kind="task")
     content = read_bytes(str(file), notes)
@@ -182,7 +182,7 @@ class _Reader:
             self._notes.error(place, f"there are more than {_MAX_INTERFACES} interfaces here")
         for glob in globs:
             if not glob or len(glob) > 200:
-                self._notes.error(place, f"{quoted(glob)} is no interface")
+                self._notes.error(place, f"{quoted(glob)} is not an interface")
         return tuple(globs[:_MAX_INTERFACES])
 
     def _values(self, name: str, node: object) -> tuple[tuple[str, Value], ...]:
@@ -321,7 +321,7 @@ def nodes_of(model: TaskFile, notes: Notes) -> tuple[NodeForm, ...]:
     for name, node in list(model.nodes.items())[:_MAX_NODES]:
         place = model.below("nodes", name)
         if not _NAME.fullmatch(name):
-            notes.error(place, f"{quoted(name)} is no name of a node")
+            notes.error(place, f"{quoted(name)} is not a name for a node")
         elif name in RESERVED:
             notes.error(place, f"{quoted(name)} is a built-in node", "leave it out here")
         else:
@@ -335,8 +335,8 @@ def _form(name: str, node: object, place: Spot, notes: Notes) -> NodeForm:
         return NodeForm(name, _ports(node, place, notes))
     for key in node:
         if key not in ("ports", "form"):
-            hint = "known are ports and form"
-            notes.error(node.places[key], f"{quoted(key)} says nothing about a node", hint)
+            hint = "the keys are ports and form"
+            notes.error(node.places[key], f"{quoted(key)} is not a key of a node", hint)
     form = node.get("form")
     text = form.text if isinstance(form, Scalar) else ""
     if form is not None and text not in _FORMS:
@@ -355,7 +355,7 @@ def _ports(node: object, place: Spot, notes: Notes) -> tuple[str, ...]:
         notes.error(place, f"there are more than {_MAX_PORTS} ports here")
     for text in texts[:_MAX_PORTS]:
         if not _NAME.fullmatch(text):
-            notes.error(place, f"{quoted(text)} is no name of a port")
+            notes.error(place, f"{quoted(text)} is not a name for a port")
     return tuple(texts[:_MAX_PORTS])
 
 
@@ -446,10 +446,8 @@ def rule_of(table: Table, notes: Notes, named: Callable[[str, Spot], Pattern]) -
     kinds = [key for key in table if key == "ltlf" or key in _TEMPLATES]
     for key in table:
         if key not in (*_KEYS, "ltlf", *_TEMPLATES):
-            hint = (
-                notes.near(key, (*_KEYS, "ltlf", *_TEMPLATES))
-                or "'gpsfsm' knows the templates of Declare"
-            )
+            every = ", ".join(("ltlf", *_TEMPLATES))
+            hint = notes.near(key, (*_KEYS, "ltlf", *_TEMPLATES)) or f"the rules are: {every}"
             notes.error(table.places[key], f"there is no rule {quoted(key)}", hint)
     if len(kinds) != 1:
         if len(notes.defects) == before:
@@ -561,7 +559,7 @@ class _Entry:
         """Keys that say nothing about this kind of rule."""
         for key in keys:
             if key in self._table:
-                self._notes.error(self._table.places[key], f"'{key}' says nothing with '{kind}'")
+                self._notes.error(self._table.places[key], f"'{key}' has no effect with '{kind}'")
 
     def _wrong(self, key: str, expected: str, node: Node) -> None:
         message = f"'{key}' must be {expected}, not {kind_of(node)}"

@@ -292,7 +292,7 @@ def _tokens(text: str) -> list[tuple[str, int]]:
         match = _TOKEN.match(text, position)
         if match is None or match.lastgroup is None:
             start = position + len(text[position:]) - len(text[position:].lstrip())
-            raise Mistake(start, f"{quoted(text[start : start + 1])} has no meaning here")
+            raise Mistake(start, f"{quoted(text[start : start + 1])} is not allowed here")
         tokens.append((match[match.lastgroup], match.start(match.lastgroup)))
         if len(tokens) > _MAX_TOKENS:
             raise Mistake(position, f"the formula has more than {_MAX_TOKENS} words and signs")
@@ -310,7 +310,9 @@ class _Parser:
     def finish(self) -> None:
         """Nothing must be left."""
         if self._next < len(self._tokens):
-            raise self._mistake("the formula goes on where it should end", "write & or | before it")
+            raise self._mistake(
+                "the formula continues where it should end", "write & or | before it"
+            )
 
     def equivalence(self, depth: int) -> Formula:
         """``a <-> b``."""
@@ -386,7 +388,9 @@ class _Parser:
             return Atom(word)
         if word not in OUTCOMES:
             what = (
-                "something is missing at the end" if word is None else f"{quoted(word)} is no event"
+                "something is missing at the end"
+                if word is None
+                else f"{quoted(word)} is not an event"
             )
             hint = "write start(NAME), succeeds(NAME), fails(NAME), completes, gives_up or stuck"
             raise self._mistake(what, hint)
@@ -398,14 +402,14 @@ class _Parser:
             raise self._mistake(f"'{word}' needs a name", f"write {word}(NAME)")
         self._next += 1
         if not self._take(")"):
-            hint = "write ) after the name; a name with blanks stands in quotation marks"
+            hint = "write ) after the name; put a name with blanks in quotation marks"
             raise self._mistake("a closing bracket is missing", hint)
         return Atom(word, name.strip('"'))
 
     def _check(self, *parts: Formula) -> None:
         """Refuse parts that are too large to be written twice."""
         if sum(map(self._size, parts)) > _MAX_SIZE:
-            raise self._mistake("the formula is too large: <->, W and M stand inside each other")
+            raise self._mistake("the formula is too large: <->, W and M are nested in each other")
 
     def _size(self, formula: Formula) -> int:
         """The number of parts, where those that are shared count each time."""

@@ -220,7 +220,7 @@ class RuleMonitor:
         if self._tracker.fulfilled(self._tracker.after(state, _END_ATOMS[end])):
             return None
         ends = end_words(end, self._matching.terms)
-        return self.violation(f"{ends}, and the rule is not fulfilled", None)
+        return self.violation(f"{ends}, but the rule is not fulfilled", None)
 
     def violation(self, closing: str, runner: int | None) -> Violation:
         """The rule is broken."""

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from gpsfsm.tasks.task import Pattern, Task
 
 
-_GUARD = "put another way behind what can fail after the last step, or leave it out"
-_WAIT = "wait for the step: run what follows behind it, not beside it in a parallel_any"
-_UNHIDE = "remove what runs instead and hides the failure, so that nothing handles it"
+_GUARD = "add a recovery for what can fail after the last step, or remove it"
+_WAIT = "wait for the step: run what follows after it, not beside it in a parallel_any"
+_UNHIDE = "remove what runs in its place and hides the failure, so that nothing handles it"
 
 
 class _Phase(IntEnum):
@@ -155,22 +155,24 @@ class StepsMonitor:
         if state.attempt:
             tried = quoted(attempts[state.attempt - 1].name)
             if later is not None or any(at > state.attempt for at in here):
-                return self._skipped(state, f"{self._whole} goes on with {what}", runner)
+                return self._skipped(state, f"{self._whole} continues with {what}", runner)
             if here:
                 return self._too_much(runner, state.step, again=True)
             message = f"when {tried} fails, {self._whole} tries {what} instead of {due}"
             closing = f"{self._whole} tries {what} instead of {due}"
             return Violation("GP606", (state.step, state.attempt), message, closing, runner)
-        closing = f"{what} starts, though {due} is due"
+        closing = f"{what} starts although {due} is due"
         is_named = bool(here) or later is not None or self._step_of(runner, 0) is None
         if is_named and not self._matching.anywhere(attempts[0]):
             return self._missing(state, closing, runner)
         if later is not None:
-            message = f"{what} comes before {due}, which the task wants first"
+            message = f"{what} comes before {due}, which the task requires first"
             return Violation("GP604", ("before", state.step), message, closing, runner)
         if here:
-            message = f"{what} is for when {due} fails, but {self._whole} does it without that"
-            closing = f"{what} starts, though {due} has not failed"
+            message = (
+                f"{what} is for when {due} fails, but {self._whole} does it without such a failure"
+            )
+            closing = f"{what} starts although {due} has not failed"
             return Violation("GP606", (state.step, 0), message, closing, runner)
         return self._too_much(runner, state.step)
 
@@ -179,11 +181,11 @@ class StepsMonitor:
         due, ends = self._named_step(state), end_words(end, self._matching.terms)
         if state.phase is _Phase.RUNNING:
             message = f"{ends} while {due} is still running"
-            closing = f"{ends}, and {due} is still running"
+            closing = f"{ends} while {due} is still running"
             return Violation("GP607", ("running", state.step), message, closing, hint=_WAIT)
         if state.attempt:
             return self._skipped(state, ends, None)
-        closing = f"{ends}, though {due} is due"
+        closing = f"{ends} although {due} is due"
         if not self._matching.anywhere(self._due(state)):
             return self._missing(state, closing, None)
         message = f"{ends} before {due}"
@@ -196,8 +198,8 @@ class StepsMonitor:
         failed = "and its alternatives fail" if both else "fails"
         terms = self._matching.terms
         ends = end_words(End.COMPLETED, terms)
-        message = f"{ends} even if {step} {failed}: it has to {terms.give_up} then"
-        closing = f"{ends}, though {step} was not done"
+        message = f"{ends} even if {step} {failed}: it must {terms.give_up} then"
+        closing = f"{ends} although {step} was not done"
         return Violation("GP607", ("lost", state.step), message, closing, hint=_UNHIDE)
 
     def _missing(self, state: _At, closing: str, runner: int | None) -> Violation:
@@ -219,7 +221,7 @@ class StepsMonitor:
             number = step + 1 if again else (done or 0) + 1
             if not again and self._only_instead(runner, step):
                 return self._not_needed(runner, number)
-            message = f"{what} is done again: it belongs to step {number} of the task"
+            message = f"{what} does step {number} of the task again"
             return Violation("GP603", (runner,), message, f"{what} starts again", runner)
         message = f"the task does not ask for {what}"
         closing = f"{what} starts, which the task does not ask for"
@@ -233,9 +235,10 @@ class StepsMonitor:
         """An alternative of a step that is done, with it or without it."""
         what, done = self._place(runner), quoted(self._steps[number - 1].attempts[0].name)
         message = (
-            f"{what} is for when step {number} ({done}) fails, but {self._whole} does it afterwards"
+            f"{what} is for when step {number} ({done}) fails, but {self._whole} does it after the "
+            "step is done"
         )
-        closing = f"{what} starts, though step {number} ({done}) is done"
+        closing = f"{what} starts although step {number} ({done}) is done"
         return Violation("GP606", (runner,), message, closing, runner)
 
     def _step_of(self, runner: int, first: int) -> int | None:

@@ -166,12 +166,15 @@ class NodeForm:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A task: all that a plan has to do.
+    """A task: everything that a plan has to do.
 
-    ``text``: in words. ``allowed``: actions that may come besides the steps, at any time;
-    ``others``: all other actions may. ``patterns``: what rules speak of, by name. ``not_answers``:
-    plans that are no answer, such as the example of a prompt. ``nodes``: the nodes that behaviour
-    trees may use; (): any. ``sha256``: the digest of the file, in hex; "" for a task without one.
+    - ``text``: the task in words.
+    - ``allowed``: actions that are permitted at any time besides the steps; ``others``: all actions
+      are.
+    - ``patterns``: the actions that rules refer to, by name.
+    - ``not_answers``: plans that do not count as an answer, such as the example in a prompt.
+    - ``nodes``: the nodes that behaviour trees may use; (): any.
+    - ``sha256``: the digest of the file in hexadecimal; "" without a file.
     """
 
     text: str = ""

@@ -11,8 +11,6 @@ from gpsfsm.checking import check_text, unreadable
 from gpsfsm.checking.includes import includes_of, joined_text
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.compile import MachinePlan
-from gpsfsm.equivalence import UndecidedError, compare
-from gpsfsm.equivalence.difference_text import difference_lines
 from gpsfsm.errors import GpsfsmError, InputError
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.version import VERSION
@@ -29,8 +27,8 @@ if TYPE_CHECKING:
 
 FORMAT = "gpsfsm-view"
 FORMAT_VERSION = 3
-_NOT_BOTH = "one of the two texts is no plan, so it is not clear what it does"
-_ON_ENGINE = "plans are compared as the paper has it, not as an engine runs them"
+_NOT_BOTH = "one of the two texts is not a plan, so it is unclear what it does"
+_ON_ENGINE = "plans are compared by the paper's semantics, not as an engine runs them"
 _MOST_STEPS = 200  # as many as the text of a difference lists
 
 
@@ -82,6 +80,8 @@ def document(
 
 def compared(sides: tuple[Seen, Seen], options: CheckOptions) -> dict[str, Any]:
     """The difference between the first two plans of a document; never raises for what they are."""
+    from gpsfsm.equivalence import UndecidedError, compare
+
     first, second = (_compiled(seen) for seen in sides)
     if first is None or second is None:
         return _answer("undecided", [_NOT_BOTH])
@@ -116,6 +116,8 @@ def _answer(
 
 
 def _different(first: Compiled, second: Compiled, difference: Difference) -> dict[str, Any]:
+    from gpsfsm.equivalence.difference_text import difference_lines
+
     lines = [
         line.strip()
         for line in difference_lines(first.automaton.plan, second.automaton.plan, difference)

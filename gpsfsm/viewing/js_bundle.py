@@ -3,7 +3,9 @@
 No bundler is needed, because modules keep to a small form: they import names from their
 neighbours, ``import { a, b } from "./x.js";``, and put ``export`` before what others may use. All
 names at the top are different, so the modules can stand behind each other in one function, each
-behind those that it imports. What does not keep to that form is refused.
+behind those that it imports. What does not keep to that form is refused. Indentation and comments
+that have lines to themselves stay behind: they are a quarter of the modules. No text may go over
+several lines, so that neither is ever a part of one.
 """
 
 from __future__ import annotations
@@ -24,6 +26,9 @@ _DECLARED = re.compile(
 )
 _LEFT = re.compile(r"^[ \t]*(?:import|export)\b(?!\s*:)|\bimport\s*\(|\bimport\.meta\b", re.M)
 _MARKUP = re.compile(r"</script|<!--", re.I)
+_BLOCK = re.compile(r"^[ \t]*/\*.*?\*/[ \t]*\n", re.M | re.S)
+_REMARK = re.compile(r"^[ \t]*//.*\n|^[ \t]+|[ \t]+$|^\n", re.M)
+_LONG_TEXT = re.compile(r"^[^`\n]*(?:`[^`\n]*`[^`\n]*)*`[^`\n]*$", re.M)
 _NAME = re.compile(r"[A-Za-z_$][\w$]*\Z")
 
 
@@ -67,6 +72,7 @@ def read_module(name: str, source: str) -> Module:
             raise JoinError(f"{name}: give each name at the top a declaration of its own")
     text = _EXPORT.sub("", body)
     _refuse(name, text)
+    text = _REMARK.sub("", _BLOCK.sub("", text))
     return Module(
         name,
         text,
@@ -81,6 +87,8 @@ def _refuse(name: str, text: str) -> None:
     if left is not None:
         line = text[left.start() :].strip().splitlines()[0][:80]
         raise JoinError(f"{name}: this import or export has another form than is known: {line}")
+    if _LONG_TEXT.search(text):
+        raise JoinError(f"{name}: holds a text of several lines, which cannot be shortened")
     if _MARKUP.search(text):
         raise JoinError(f"{name}: holds text that would end the script in a page")
 

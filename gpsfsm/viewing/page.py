@@ -21,7 +21,8 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from itertools import accumulate, pairwise
+from itertools import accumulate
+from operator import sub
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.printable import clip
@@ -32,11 +33,18 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 _ENTRY = "report.js"
-_STYLES = ("page.css", "page-findings.css")
+_STYLES = ("page.css", "page-findings.css", "timeline.css")
 _GENERATOR = '<meta name="generator" content="gpsfsm'
 _HEAD = 4_000  # bytes of a report in which it says what it is
 _MOST_LISTED = 100
 _MOST_PLANS = 50
+_QUOTED = r'"(?:[^"\\\n]|\\.)*"'
+_TEXT = re.compile(f"({_QUOTED})")
+_PLAIN_LINE = re.compile(rf"^(?:[^\"'`/\n]|{_QUOTED})+$", re.M)
+_REMARK = re.compile(rf"^((?:[^\"'`/\n]|{_QUOTED})+?) +// .*$", re.M)
+_SPACED = re.compile(r" *([=<>,;:?&|*(){}\[\]]+) *")
+_SIGNED = re.compile(r"(?<![+-]) ([+-]) (?![+-])")  # a + +b stays as it is
+_OPEN_LINE = re.compile(r"^((?:(?!//).)*[{,])\n", re.M)
 _UNSAFE = re.compile("[<>&\u2028\u2029\ud800-\udfff]")
 
 
@@ -90,8 +98,8 @@ class _Parts:
 
 @cache
 def _parts() -> _Parts:
-    script = joined(_ENTRY, _file)
-    style = "\n".join(map(_file, _STYLES))
+    script = _short_script(joined(_ENTRY, _file))
+    style = _short_style("".join(map(_file, _STYLES)))
     policy = "; ".join(
         [
             "default-src 'none'",
@@ -108,6 +116,40 @@ def _parts() -> _Parts:
 def _file(name: str) -> str:
     root = resources.files("gpsfsm.viewing") / "web"
     return root.joinpath(name).read_text(encoding="utf-8")
+
+
+def _short_style(text: str) -> str:
+    r"""A style sheet without comments, indentation and most ends of lines.
+
+    >>> _short_style('/* why */a {\n  color: red;\n}\n')
+    'a{color:red}'
+    """
+    bare = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+    lines = re.sub(
+        r"^\s*(--)?([\w-]+): ", r"\1\2:", re.sub(r"^\s+", "", bare, flags=re.M), flags=re.M
+    )
+    short = re.sub(r"(?<=[{;,}])\n+", "", re.sub(r" \{$", "{", lines, flags=re.M))
+    return short.replace(";}", "}")
+
+
+def _short_script(text: str) -> str:
+    r"""A script without remarks, and without spaces around its signs but in texts and patterns.
+
+    What follows a line that ends open stands on that line.
+
+    >>> _short_script('if (a === b) { return [c, d + 1]; } // why\nlet e = "a = b";\n')
+    'if(a===b){return[c,d+1];}\nlet e="a = b";\n'
+    """
+    short = _PLAIN_LINE.sub(lambda line: _short_line(line[0]), _REMARK.sub(r"\1", text))
+    return _OPEN_LINE.sub(r"\1", short)
+
+
+def _short_line(line: str) -> str:
+    parts = _TEXT.split(line)
+    return "".join(
+        part if place % 2 else _SIGNED.sub(r"\1", _SPACED.sub(r"\1", part))
+        for place, part in enumerate(parts)
+    )
 
 
 def _hash(text: str) -> str:
@@ -139,6 +181,8 @@ def _items(findings: list[dict[str, Any]]) -> Iterator[str]:
 _FEWEST = 10
 _MARK = "$columns"
 _ABSENT = object()
+_SCALAR = {str, bool, int}
+_PLAIN = {*_SCALAR, float, type(None)}
 _dump = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
 
@@ -148,25 +192,28 @@ def packed(value: Any) -> Any:
         return {name: packed(each) for name, each in value.items()}
     if not isinstance(value, list):
         return value
-    if len(value) < _FEWEST or not all(isinstance(each, dict) for each in value):
-        return [packed(each) for each in value]
+    kinds = set(map(type, value))
+    if len(value) < _FEWEST or kinds != {dict}:
+        return value if kinds <= _PLAIN else [packed(each) for each in value]
     names = dict.fromkeys(name for each in value for name in each)
     columns = [_column(name, [each.get(name, _ABSENT) for each in value]) for name in names]
     return {_MARK: columns, "$rows": len(value)}
 
 
 def _column(name: str, cells: list[Any]) -> dict[str, Any]:
-    at = [row for row, value in enumerate(cells) if value is not _ABSENT]
-    if len(at) < len(cells):
+    kinds = set(map(type, cells))
+    if object in kinds:
+        at = [row for row, value in enumerate(cells) if value is not _ABSENT]
         return {"name": name, "at": at, "all": [packed(cells[row]) for row in at]}
-    forms: list[dict[str, Any]] = [{"name": name, "all": [packed(value) for value in cells]}]
-    if all(type(value) is int for value in cells):
-        steps = [now - before for before, now in pairwise([0, *cells])]
-        forms.append({"name": name, "steps": steps})
-    if all(isinstance(value, str | bool | int) for value in cells):
-        values: dict[tuple[type, Any], int] = {}
-        of = [values.setdefault((type(value), value), len(values)) for value in cells]
-        forms.append({"name": name, "values": [value for _, value in values], "of": of})
+    if not kinds <= _SCALAR:
+        return {"name": name, "all": [packed(value) for value in cells]}
+    forms: list[dict[str, Any]] = [{"name": name, "all": cells}]
+    if kinds == {int}:
+        forms.append({"name": name, "steps": list(map(sub, cells, [0, *cells]))})
+    if len(kinds) == 1:  # True and 1 are equal, but not the same
+        values = {value: place for place, value in enumerate(dict.fromkeys(cells))}
+        of = list(map(values.__getitem__, cells))
+        forms.append({"name": name, "values": list(values), "of": of})
     return min(forms, key=lambda form: len(_dump(form)))
 
 

@@ -10,22 +10,23 @@ import json
 import os
 from bisect import bisect_right
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.analysis.constraints import constraints_under
 from gpsfsm.capabilities.library import bind
 from gpsfsm.compile import Compiled, MachinePlan, TreePlan, compile_plan
-from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.compile.plan_text import holds_trees, read_plan_or_machine
+from gpsfsm.compile.units import TreeMachine
 from gpsfsm.errors import DEBUG_VARIABLE, InputError, is_out_of_memory
-from gpsfsm.grading.grader import Grader, graded_options
 from gpsfsm.model.choice import CHOICE, TICK
-from gpsfsm.model.labels import parameters_label
+from gpsfsm.model.labels import is_machine, parameters_label
 from gpsfsm.model.plan import Element, Kind, Plan
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report
 from gpsfsm.model.story import PAPER_ENGINE, Vocabulary
 from gpsfsm.syntax.frontend import read_partially
-from gpsfsm.viewing.picture import automaton_data
+from gpsfsm.viewing.picture import automaton_data, never_emitted
 from gpsfsm.viewing.plays import Plays
 
 if TYPE_CHECKING:
@@ -33,9 +34,10 @@ if TYPE_CHECKING:
     from typing import TypeVar
 
     from gpsfsm.checking import CheckOptions
+    from gpsfsm.model.automaton import Signal
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Location
-    from gpsfsm.model.tree import TreeNode
+    from gpsfsm.model.tree import Forest, TreeNode
     from gpsfsm.syntax import Parsed
     from gpsfsm.tasks.task import Task
     from gpsfsm.viewing.plays import Budget
@@ -56,11 +58,10 @@ _MOST_TEXT = 2_000
 OF_TASKS = "GP6"
 """How the codes of rules begin that tell where a plan leaves its task."""
 _PARTIAL = (
-    "the text is no plan: what is drawn is the part of it that could be read, and nothing follows "
-    "from it"
+    "the text is not a plan: the picture shows only the part that could be read, and proves nothing"
 )
-_FOREIGN = "nothing in this text looks like a part of a plan, so it is not shown"
-_BY_THE_PAPER = "what is drawn is what the paper makes of it"
+_FOREIGN = "nothing in this text looks like part of a plan, so it is not shown"
+_BY_THE_PAPER = "the picture shows the plan as in the paper"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +106,8 @@ def see(text: str | bytes, path: str, options: CheckOptions) -> Seen:
 
 def _on_engine(text: str | bytes, path: str, parsed: Parsed, options: CheckOptions) -> Seen | None:
     """The plan as the engine sees it; None if it does not take the text."""
+    from gpsfsm.compile.engine_text import EngineReading, read_for_engine
+
     source = parsed.body if options.from_response and parsed.body else text
     library = options.described.library
     try:
@@ -138,9 +141,7 @@ def _remains(parsed: Parsed, path: str, options: CheckOptions) -> Seen:
 
 def _tree_elements(parsed: Parsed, path: str, options: CheckOptions) -> Plan | None:
     """The nodes of behaviour trees that cannot be unfolded, as they are written."""
-    from gpsfsm.syntax.trees import read_trees
-
-    forest = read_trees(parsed.text, path, options.limits).forest
+    forest = _forest(parsed.text, path, options)
     if forest is None or not forest.nodes:
         return None
     return TreePlan(
@@ -148,6 +149,13 @@ def _tree_elements(parsed: Parsed, path: str, options: CheckOptions) -> Plan | N
         tuple(_tree_element(node) for node in forest.nodes),
         paths=tuple(node.path for node in forest.nodes),
     )
+
+
+def _forest(text: str, path: str, options: CheckOptions) -> Forest | None:
+    """The behaviour trees in a text; None if they cannot be read."""
+    from gpsfsm.syntax.trees import read_trees
+
+    return read_trees(text, path, options.limits).forest
 
 
 def _tree_element(node: TreeNode) -> Element:
@@ -213,15 +221,24 @@ def plan_data(viewed: Viewed, seen: Seen, options: CheckOptions, budget: Budget)
     unreachable = frozenset(report.facts.unreachable if report.facts else ())
     plan, compiled = seen.plan, seen.compiled
     rows = [] if plan is None else element_rows(plan, seen.text or "", unreachable)
+    places: Sequence[int] = ()
     if isinstance(plan, MachinePlan):
         rows = _machine_rows(plan, rows)
+    if isinstance(plan, TreeMachine):
+        rows, places = _nested_rows(rows, _forest(seen.text or "", report.path, options))
     picture = None
     if compiled is not None:
-        picture = _or_note(lambda: automaton_data(compiled.automaton), None, "picture", notes)
+        never = _never(seen, compiled, options)
+        draw = partial(automaton_data, compiled.automaton, never)
+        picture = _or_note(draw, None, "picture", notes)
+    for node in picture["nodes"] if picture is not None and places else ():
+        if node["element"] >= 0:
+            node["element"] = places[node["element"]]
     plays = None
     if compiled is not None and picture is not None:
         plays = Plays(compiled, budget, consistent=options.analysis.consistent)
-    findings = _findings((*report.findings, *report.suppressed), rows, plays)
+    worst_first = sorted(report.findings, key=lambda each: -each.severity.rank)
+    findings = _findings((*worst_first, *report.suppressed), rows, plays)
     task = None
     if options.task is not None:
         task = task_data(viewed.text, report.path, options.task, options, findings)
@@ -241,13 +258,22 @@ def plan_data(viewed: Viewed, seen: Seen, options: CheckOptions, budget: Budget)
     }
 
 
+def _never(seen: Seen, compiled: Compiled, options: CheckOptions) -> frozenset[Signal]:
+    """Signals that the automaton never emits under the options of the check."""
+    automaton = compiled.automaton
+    if not seen.whole or not automaton.traits.gives_up or is_machine(automaton):
+        return frozenset()
+    allowed = constraints_under(options.analysis, compiled).allowed
+    return never_emitted(automaton, allowed)
+
+
 def _or_note(make: Callable[[], _Part], instead: _Part, what: str, notes: list[str]) -> _Part:
     """A part of the document; a defect of gpsfsm costs that part, and not the whole page."""
     try:
         return make()
     except Exception as error:
         if is_out_of_memory(error):
-            notes.append(f"the {what} cannot be shown: the memory has run out")
+            notes.append(f"the {what} cannot be shown: memory ran out")
             return instead
         if os.environ.get(DEBUG_VARIABLE):
             raise
@@ -259,7 +285,7 @@ def _or_note(make: Callable[[], _Part], instead: _Part, what: str, notes: list[s
 def _clipped(text: str, notes: list[str]) -> str:
     if len(text) <= MOST_SOURCE:
         return text
-    notes.append(f"of the text the first {MOST_SOURCE:,} characters are shown")
+    notes.append(f"only the first {MOST_SOURCE:,} characters of the text are shown")
     return text[:MOST_SOURCE]
 
 
@@ -354,6 +380,8 @@ def task_data(
     findings: Sequence[dict[str, Any]],
 ) -> dict[str, Any]:
     """The grade of a plan against a task; ``findings`` are the rows of its findings."""
+    from gpsfsm.grading.grader import Grader, graded_options
+
     left = next((row for row in findings if row["rule"].startswith(OF_TASKS)), None)
     grade, words = "undecided", ["the text was not read"]
     if text is not None:
@@ -395,6 +423,45 @@ def _machine_rows(plan: MachinePlan, rows: list[dict[str, Any]]) -> list[dict[st
     while plan.elements[len(rows) - 1].end == 0 and len(rows) > 1:
         rows.pop()
     return rows
+
+
+def _nested_rows(
+    rows: list[dict[str, Any]], forest: Forest | None
+) -> tuple[list[dict[str, Any]], Sequence[int]]:
+    """The rows of a tree's machine below those of the nodes around its leaves.
+
+    Also the new place of each row. A machine has a row for each use of a leaf:
+
+        tree, Look, Look@2, Go → tree, Sequence (Fallback (Look, Look@2), Go)
+    """
+    places = [0] * len(rows)
+    if forest is None:
+        return rows, range(len(rows))
+    uses: dict[str, list[int]] = {}
+    ends = f"{rows[0]['path']}@"  # which come last
+    for place, row in enumerate(rows[1:], 1):
+        path = row["path"]
+        path = path if path.startswith(ends) else path.partition("@")[0]
+        uses.setdefault(path, []).append(place)
+    nested, at = [rows[0]], {rows[0]["path"]: 0}
+
+    def put(path: str, parent: int) -> None:
+        for place in uses.pop(path, ()):
+            places[place] = len(nested)
+            nested.append(rows[place] | {"parent": parent})
+
+    put(rows[0]["path"], 0)
+    for node in forest.nodes:
+        above = at.get(forest.nodes[node.parent].path, -1) if node.parent >= 0 else -1
+        if node.children and (above >= 0 or node.tag == "BehaviorTree") and node.path not in at:
+            row = _row(_tree_element(node), node.path, node.line, reached=True)
+            name = clip(node.text("name") or node.text("ID") or "", _MAX_NAME)
+            at[node.path] = len(nested)
+            nested.append(row | {"kind": "control", "name": name, "parent": max(above, 0)})
+        put(node.path, at.get(node.path, max(above, 0)))
+    for path in list(uses):
+        put(path, 0)
+    return nested, places
 
 
 def _reached(elements: Sequence[Element], runs: list[bool]) -> list[bool]:

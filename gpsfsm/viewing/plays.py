@@ -14,7 +14,7 @@ A scenario of a machine lists its outcomes in the order of the run, visit after 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.compile import MachinePlan
@@ -25,17 +25,19 @@ from gpsfsm.execution.machine_kernel import kernel_of
 from gpsfsm.execution.records import Input, Kind, Load, Record, Status, Stop
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.story import Statement
+from gpsfsm.picture.cells import failing_joins
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from gpsfsm.compile import Compiled
     from gpsfsm.model.finding import Finding, Scenario
+    from gpsfsm.model.story import Sentence
 
-MOST_RECORDS = 40_000
-"""Records of all plays of a document: some 400 kB of a page."""
-MOST_NODES = 150_000
-"""Nodes of all automata that are run for a document, each time anew: some three seconds."""
+MOST_RECORDS = 20_000
+"""Records of all plays of a document: some 200 kB of a page."""
+MOST_NODES = 30_000
+"""Nodes of all automata that are run for a document, each time anew: some half a second."""
 _SECOND_US = 1_000_000
 _SHOWN = frozenset(
     {
@@ -111,7 +113,7 @@ class Plays:
             "ends": scenario.ends.value,
             "story": list(scenario.story),
             "records": played.records,
-            "story_at": _machine_marks(scenario, played),
+            **_columns(_machine_spans(scenario, played)),
         }
 
     def _played(self, scenario: Scenario) -> Played | None:
@@ -156,27 +158,86 @@ class Plays:
             "ends": played.status.value,
             "story": list(scenario.story),
             "records": played.records,
-            "story_at": self._marks(scenario, played),
+            **_columns(self._spans(scenario, played)),
         }
 
-    def _marks(self, scenario: Scenario, played: Played) -> list[int]:
-        """The index of the record at which each sentence of the story stands.
+    def _spans(self, scenario: Scenario, played: Played) -> list[_Span]:
+        """The records during which each sentence of the story happens.
 
-        A row of the same stands where its last event is. A sentence that states no event, such as
-        what is left out, stands where the one before it does, and what it all comes to at the end.
+        Go at line 2 succeeds, and so do 2 more and Say   from the first success to that of Say
+        … 3 more steps …                                  what lies between its neighbours
+        the parallel_all at line 4 can no longer succeed  where its join collects the failure
+        the plan is stuck                                 the end
         """
-        marks: list[int] = []
-        mark = 0
-        event = None
+        spans: list[_Span] = []
+        at = 0
         for sentence in scenario.sentences:
             event = sentence.statement.event
             if event is not None:
-                number = self._numbers.get(sentence.actors[-1].element, -1)
-                mark = max(mark, played.places.get((event, number), mark))
-            marks.append(mark)
-        if marks and event is None:
-            marks[-1] = len(played.records) - 1
-        return marks
+                numbers = (self._numbers.get(actor.element, -1) for actor in sentence.actors)
+                places = [played.places.get((event, number), at) for number in numbers]
+                spans.append(_Span(min(places), max(places)))
+                at = max(at, *places)
+            else:
+                spans.append(_Span.at(self._consequence(sentence, scenario, played, at)))
+        return _with_gaps(scenario.sentences, spans)
+
+    def _consequence(self, sentence: Sentence, scenario: Scenario, played: Played, at: int) -> int:
+        """The record at which a sentence holds that states no event; ``at``: those before it do."""
+        records = played.records
+        if sentence.statement is Statement.CANNOT_SUCCEED:
+            return self._failing_join(sentence.element, records, default=at)
+        is_last = sentence is scenario.sentences[-1]
+        if sentence.statement.at_once or (sentence.statement is Statement.REMARK and not is_last):
+            return at
+        silence = (place for place, row in enumerate(records) if row["kind"] == Kind.SILENCE)
+        stays = sentence.statement is Statement.WAITS_FOR_EVER
+        return next(silence, len(records) - 1) if stays else len(records) - 1
+
+    def _failing_join(self, path: str, records: Sequence[dict[str, Any]], default: int) -> int:
+        """The first record at which a control has failed, by its element path."""
+        automaton = self.compiled.automaton
+        failing = failing_joins(automaton)
+        for place, row in enumerate(records):
+            if row["kind"] == Kind.JOINED and row["node"] in failing:
+                origin = automaton.plan.elements[automaton.nodes[row["node"]].origin]
+                if automaton.plan.path(origin) == path:
+                    return place
+        return default
+
+
+class _Span(NamedTuple):
+    """The records during which a sentence of a story happens, the last one included."""
+
+    first: int
+    last: int
+
+    @classmethod
+    def at(cls, place: int) -> _Span:
+        """The span of one record."""
+        return cls(place, place)
+
+
+def _columns(spans: Sequence[_Span]) -> dict[str, list[int]]:
+    """The spans as the view document has them."""
+    return {
+        "story_from": [span.first for span in spans],
+        "story_at": [span.last for span in spans],
+    }
+
+
+def _with_gaps(sentences: Sequence[Sentence], spans: Sequence[_Span]) -> list[_Span]:
+    """The spans, in which what is left out lies between its neighbours, and a loop at its start."""
+    whole = list(spans)
+    for place, sentence in enumerate(sentences[:-1]):
+        before = whole[place - 1].last if place else -1
+        after = whole[place + 1].first
+        if sentence.statement is Statement.STEPS_LEFT_OUT:
+            first = min(before + 1, after)
+            whole[place] = _Span(first, max(first, after - 1))
+        elif sentence.statement is Statement.BEGINS_LOOP:
+            whole[place] = _Span.at(after)
+    return whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +284,7 @@ class _Player:
         self._unstarted: dict[int, None] = {}  # instances that will fail without having started
         self._played = Played([], {}, Status.QUEUED)
         self._order = [number for event, number in wanted.order if event is not Event.STARTED]
+        self._places = {number: place for place, number in enumerate(self._order)}
         self._next = 0
 
     def run(self) -> Played:
@@ -255,10 +317,14 @@ class _Player:
         order = self._order
         while self._next < len(order) and self._has_ended(order[self._next]):
             self._next += 1
-        for number in order[self._next :]:
-            if self._can_end(number):
-                return number
-        return None
+        places, waiting = self._places, [*self._unstarted, *self._kernel.active]
+        if len(waiting) < len(order) - self._next:
+            rest: Iterable[int] = sorted(
+                filter(places.__contains__, waiting), key=places.__getitem__
+            )
+        else:
+            rest = islice(order, self._next, None)
+        return next(filter(self._can_end, rest), None)
 
     def _has_ended(self, number: int) -> bool:
         places = self._played.places
@@ -382,23 +448,20 @@ def play_visits(
     return player.records, player.steps[: len(outcomes)], ends
 
 
-def _machine_marks(scenario: Scenario, played: _MachinePlay) -> list[int]:
-    """The index of the record at which each sentence of the story stands."""
-    return list(_marks(scenario, played))
-
-
-def _marks(scenario: Scenario, played: _MachinePlay) -> Iterator[int]:
-    step, mark = 0, 0
-    sentences = scenario.sentences
-    for place, sentence in enumerate(sentences):
+def _machine_spans(scenario: Scenario, played: _MachinePlay) -> list[_Span]:
+    """The records during which each sentence of the story happens."""
+    spans: list[_Span] = []
+    step, at = 0, 0
+    for sentence in scenario.sentences:
         if sentence.statement is Statement.STEPS_LEFT_OUT:
             step += sentence.count
         elif sentence.statement.event is not None and step < len(played.steps):
-            mark = played.steps[step]
+            at = played.steps[step]
             step += 1
-        elif place == len(sentences) - 1:
-            mark = len(played.records) - 1
-        yield mark
+        elif not sentence.statement.at_once and sentence is scenario.sentences[-1]:
+            at = len(played.records) - 1
+        spans.append(_Span.at(at))
+    return _with_gaps(scenario.sentences, spans)
 
 
 class _MachinePlayer:

@@ -73,7 +73,9 @@ class _Printer:
         give_up_stdout()
         if not isinstance(error, BrokenPipeError):
             lose(Stream.OUT)
-            complain(f"cannot write to standard output: {error.strerror or error}; the run goes on")
+            complain(
+                f"cannot write to standard output: {error.strerror or error}; the run continues"
+            )
 
 
 class View:

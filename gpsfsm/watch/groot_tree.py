@@ -1,6 +1,6 @@
 """The tree of a run as Groot2 draws it, and the status of each node while the run goes on.
 
-A node is there once for each use: a SubTree that is used twice is there twice, but a round of a
+A node is there once for each use: a SubTree that is used twice occurs twice, but a round of a
 loop is no use. Uses are numbered as BehaviorTree.CPP numbers them (uids), and written as it does:
 
     <BehaviorTree ID="A"> <Sequence> <SubTree ID="B"/> <Dock/>      uids 1, 2, 4

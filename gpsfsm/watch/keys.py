@@ -80,7 +80,7 @@ class Keys:
         if self._interruption.requested:
             return "being cancelled"
         if self._interruption.paused:
-            return "paused: space goes on, q cancels"
+            return "paused: space continues, q cancels"
         return "space pauses, q cancels"
 
     def __enter__(self) -> Self:

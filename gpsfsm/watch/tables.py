@@ -98,7 +98,7 @@ def _sentence(row: QueueRow) -> str:
     if row.kind in _ABOUT_MODELS:
         return _of_a_model(row, data)
     if row.kind is QueueKind.SUBMITTED and "continues" in data:
-        return f"it is queued, to go on where plan {clip(str(data['continues']), 20)} gave up"
+        return f"it is queued, to continue where plan {clip(str(data['continues']), 20)} gave up"
     by = f" by plan {row.by}" if row.by else ""
     name = clip(str(data.get("name", "")), 200) or "it"
     message = clip(row.message, _LONGEST)
@@ -114,7 +114,7 @@ def _sentence(row: QueueRow) -> str:
         QueueKind.CANCEL: f"it is to be cancelled{by}{because}",
         QueueKind.ENDED: f"it has ended: {clip(str(data.get('status', '?')), 20)}{because}",
         QueueKind.BOND_LOST: f"the bond is lost, nothing begins{because}",
-        QueueKind.BOND_RENEWED: "the bond is there again",
+        QueueKind.BOND_RENEWED: "the bond is back",
         QueueKind.HELD: f"the queue is held, nothing begins{because}",
         QueueKind.RELEASED: "the queue is released",
     }
@@ -125,7 +125,7 @@ def _of_a_model(row: QueueRow, data: Mapping[str, object]) -> str:
     if row.kind is QueueKind.ASKED:
         model = clip(str(data.get("model", "")), 200)
         why = clip(str(data.get("why", "")), _LONGEST)
-        return f"{model} is asked for a plan{why and f' that goes on: {why}'}"
+        return f"{model} is asked for a plan{why and f' that continues it: {why}'}"
     number = clip(str(data.get("round", "?")), 20)
     if row.kind is QueueKind.ATTEMPT:
         return f"attempt {number}: {_verdict(data)}"

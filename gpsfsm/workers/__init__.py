@@ -1,7 +1,7 @@
 """Doing one thing with many items: in this process, in several, or on a Ray cluster.
 
 ``map_items`` does it and gives the results in the order of the items, whatever the engine. An
-engine is one module in ``gpsfsm.workers.known``; ``engine_of`` finds the one that ``--jobs`` names.
+engine is one module in ``gpsfsm.workers.builtin``; ``engine_of`` finds that which ``--jobs`` names.
 Nothing in this package knows what the items are. The names below are loaded when they are first
 used: the limit of memory, which every check takes, is here too.
 """

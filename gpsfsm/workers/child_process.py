@@ -23,13 +23,14 @@ from gpsfsm.workers.parent_link import kill_below
 
 if TYPE_CHECKING:
     import asyncio
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from gpsfsm.workers.frames import Message
 
 _PROGRAM = """import sys; target, *sys.path[:] = sys.argv[1:]; del sys.argv[1:]
 from gpsfsm.workers.parent_link import main; main(target)"""
 _END_S = 10.0
+_MOST_LINE = 8_192
 
 
 def child_command(target: str, *, own_modules: bool = True) -> list[str]:
@@ -196,28 +197,53 @@ def _kill_all(pid: int) -> None:
         os.killpg(pid, signal.SIGKILL)
 
 
+async def relay(process: asyncio.subprocess.Process, line: Callable[[bytes], object]) -> None:
+    """Hand over the lines of the standard error of a process, long ones in parts."""
+    assert process.stderr is not None
+    rest = b""
+    with suppress(OSError):
+        while part := await process.stderr.read(_MOST_LINE):
+            *whole, rest = (rest + part).split(b"\n")
+            if len(rest) >= _MOST_LINE:
+                whole, rest = [*whole, rest], b""
+            for each in whole:
+                line(each)
+    if rest:
+        line(rest)
+
+
 class AsyncChildProcess:
     """A child as an event loop sees it; messages may go both ways at any time. See ``start``."""
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self._process = process
+        self._relay: asyncio.Task[None] | None = None
 
     @classmethod
-    async def start(cls, command: Sequence[str]) -> AsyncChildProcess:
-        """Start it, in a session of its own: Linux may share the cores among sessions."""
+    async def start(
+        cls, command: Sequence[str], *, line: Callable[[bytes], object] | None = None
+    ) -> AsyncChildProcess:
+        """Start it, in a session of its own: Linux may share the cores among sessions.
+
+        ``line`` gets each line of its standard error, which else is that of this process.
+        """
         import asyncio  # a gate needs none
 
         environment = {**os.environ, "MALLOC_ARENA_MAX": "2", "PYTHONHASHSEED": "0"}
-        return cls(
+        child = cls(
             await asyncio.create_subprocess_exec(
                 *command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
+                stderr=None if line is None else subprocess.PIPE,
                 start_new_session=True,
                 env=environment,
                 limit=1 << 20,
             )
         )
+        if line is not None:
+            child._relay = asyncio.create_task(relay(child._process, line))
+        return child
 
     @property
     def alive(self) -> bool:
@@ -283,8 +309,6 @@ class AsyncChildProcess:
             with suppress(TimeoutError):
                 async with asyncio.timeout(within_s):
                     await self._process.wait()
-        if self.alive:
+        if self.alive:  # not by its own method, which may wait for it before the loop does
             _kill_all(self._process.pid)
-        with suppress(ProcessLookupError):
-            self._process.kill()
         await self._process.wait()

@@ -100,7 +100,7 @@ def _from_plain(kind: Any, value: Any) -> Any:
     """The value as one of this type."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if not _has_form(kind, value):
-        raise ValueError(f"this is no {getattr(kind, '__name__', kind)}: {_shown(value)}")
+        raise ValueError(f"this is not a {getattr(kind, '__name__', kind)}: {_shown(value)}")
     if origin in (Union, types.UnionType):
         return _from_plain(next(each for each in arguments if _has_form(each, value)), value)
     if origin is tuple:
@@ -141,9 +141,9 @@ def _has_form(kind: Any, value: Any) -> bool:
 
 
 def _complete(made: Any, value: list[Any]) -> Any:
-    """The collection, if it has all values of a list: none of them is there twice."""
+    """The collection, if it has all values of a list: none of them occurs twice."""
     if len(made) != len(value):
-        raise ValueError("a member is there twice")
+        raise ValueError("a member occurs twice")
     return made
 
 
@@ -157,7 +157,7 @@ def _is_data(kind: Any) -> bool:
 
 def _tuple(kinds: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
     if not isinstance(value, list):
-        raise ValueError(f"these are no values: {_shown(value)}")
+        raise ValueError(f"these are not values: {_shown(value)}")
     if len(kinds) == 2 and kinds[1] is Ellipsis:
         return tuple(_from_plain(kinds[0], each) for each in value)
     if len(value) != len(kinds):

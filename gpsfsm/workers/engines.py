@@ -1,6 +1,6 @@
 """Engines, which do work on many items, and the order of what they give back.
 
-A kind of engine is a module of ``gpsfsm.workers.known`` with a ``KIND``. ``map_items`` divides
+A kind of engine is a module of ``gpsfsm.workers.builtin`` with a ``KIND``. ``map_items`` divides
 items into chunks and puts results in order. A chunk that is lost with its machine is tried again, a
 few times. A chunk whose process has ended is divided, until the item that ends processes is alone:
 it has no result, all others do.
@@ -18,7 +18,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Generic, Protocol, TypeAlias, TypeVar, cast
 
 from gpsfsm.errors import UsageError
-from gpsfsm.workers import known
+from gpsfsm.workers import builtin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -136,8 +136,8 @@ class Kind:
 @cache
 def all_kinds() -> tuple[Kind, ...]:
     """All kinds of engines, in the order in which they are asked."""
-    names = sorted(module.name for module in pkgutil.iter_modules(known.__path__))
-    kinds = [importlib.import_module(f"{known.__name__}.{name}").KIND for name in names]
+    names = sorted(module.name for module in pkgutil.iter_modules(builtin.__path__))
+    kinds = [importlib.import_module(f"{builtin.__name__}.{name}").KIND for name in names]
     return tuple(sorted(kinds, key=lambda kind: kind.order))
 
 
@@ -147,16 +147,18 @@ def jobs_of(jobs: int | str) -> str:
     if any(kind.accepts(text) for kind in all_kinds()):
         return text
     forms = "; ".join(kind.forms for kind in all_kinds())
-    raise UsageError(f"there are no jobs '{text[:80]}'; possible are: {forms}")
+    raise UsageError(f"'{text[:80]}' is not a value of --jobs; write {forms}")
 
 
 def engine_of(
     jobs: int | str, items: int | None = None, *, timeout_s: float | None = None
 ) -> Engine:
-    """The engine that ``--jobs`` names, for so many items (None: it is not known how many).
+    """Return the backend that ``--jobs`` names, for ``items`` items (None: unknown).
 
-    ``timeout_s`` is what each of them may take. Raises UsageError if there is none, if it is not
-    installed, or if it knows no time limits.
+    ``timeout_s`` is the time limit of each item in seconds.
+
+    Raises UsageError if there is no such backend, if it is not installed, or if it does not support
+    time limits.
     """
     text = jobs_of(jobs)
     kind = next(kind for kind in all_kinds() if kind.accepts(text))
@@ -181,13 +183,15 @@ def map_items(
     lost: Callable[[Item, str], Result],
     late: Callable[[Item], Result] | None = None,
 ) -> Iterator[Result]:
-    """The result for each item, in order, while later ones are still worked on.
+    """Yield the result for each item in order, while later items are still being processed.
 
-    ``lost`` makes the result for an item that ended the process that worked on it; the text goes on
-    after "the process that …". ``late`` does so for one that took too long, if that is another
-    matter. Items are taken as they are needed, and may depend on the results so
-    far: LATER stands where the next item needs one that is still to come. Raises UsageError if the
-    work does, or if the engine is not to be had.
+    ``lost(item, how)`` makes the result for an item whose process ended; ``how`` is a phrase that
+    completes "the process that worked on it …". ``late(item)`` makes the result for an item that
+    took too long; the default is ``lost``. Items are taken from the iterable as they are needed,
+    and may depend on earlier results: yield LATER while the next item needs a result that is still
+    missing.
+
+    Raises UsageError if the work does, or if the backend is not available.
     """
     with engine:
         pending = _Pending(items, engine, lost, late)

@@ -144,7 +144,7 @@ class Worker(Generic[Item, Result]):
 
     def _nonsense(self) -> Lost:
         self.end()
-        return Lost("was ended: it said something that is no result")
+        return Lost("was ended: its answer was not a result")
 
 
 class KeptWorker(Generic[Item, Result]):

@@ -16,7 +16,7 @@ SCHEMAS: tuple[str, ...] = ("gpsfsm-plan.rnc", "gpsfsm-plan.rng", "gpsfsm-plan.x
 
 
 def schema_path(name: str) -> Path:
-    """The path of a schema, by file name or by its ending alone.
+    """Return the path of a schema, by its file name or just the extension.
 
     Raises UsageError for any other name.
 
@@ -26,12 +26,12 @@ def schema_path(name: str) -> Path:
     for file in SCHEMAS:
         if name in (file, file.rpartition(".")[2]):
             return Path(__file__).parents[1] / file
-    raise UsageError(f"there is no schema '{name}'; there are {', '.join(SCHEMAS)}")
+    raise UsageError(f"there is no schema '{name}'; the schemas are {', '.join(SCHEMAS)}")
 
 
 @cache
 def relax_ng() -> bytes:
-    """The schema in the XML syntax of RELAX NG, encoded as an XML parser expects it.
+    """Return the schema in the XML syntax of RELAX NG, as bytes for an XML parser.
 
     >>> relax_ng().startswith(b"<?xml")
     True

@@ -128,7 +128,7 @@ class HttpRunner(Runner):
         host = host_name(url.raw_host.decode("ascii", "replace"))
         port = _PORTS[url.scheme] if url.port is None else url.port
         if not 0 < port < 65_536:
-            raise RunnerError(f"the port {port} is none: ports go from 1 to 65535")
+            raise RunnerError(f"there is no port {port}: ports go from 1 to 65535")
         if host not in self._hosts and f"{host}:{port}" not in self._hosts:
             raise RunnerError(f"the host {host[:300]}:{port} is not allowed")
 
@@ -136,7 +136,7 @@ class HttpRunner(Runner):
 async def _read(response: httpx.Response) -> str:
     """The text of an answer, as it was sent."""
     if response.headers.get("content-encoding", "identity").lower() != "identity":
-        raise RunnerError("the answer is packed, although that was not asked for")
+        raise RunnerError("the answer is compressed, although that was not requested")
     if len(response.headers.get("content-type", "")) > _MAX_TYPE:  # long ones take long to read
         raise RunnerError("the answer says at too great a length of what type it is")
     content = bytearray()
@@ -184,12 +184,12 @@ def allowed_host(text: str) -> str:
         raise ValueError(_why(text))
     name, port = match.groups()
     if port is not None and not 0 < int(port) < 65_536:
-        raise ValueError(f"the port {port} is none: ports go from 1 to 65535")
+        raise ValueError(f"there is no port {port}: ports go from 1 to 65535")
     if name.startswith("["):
         try:
             name = host_name(str(ipaddress.IPv6Address(name[1:-1].partition("%")[0])))
         except ValueError:
-            raise ValueError(f"{name[:80]} is no IPv6 address; {_HOW}") from None
+            raise ValueError(f"{name[:80]} is not an IPv6 address; {_HOW}") from None
         if "%" in text:
             raise ValueError(f"an address with a zone cannot be allowed; {_HOW}")
     elif len(name) > 253 or not _NAME.fullmatch(name):
@@ -214,7 +214,7 @@ def _why(text: str) -> str:
         pass
     if not text.isascii():
         return f"names with other letters are written in their ASCII form (xn--…); {_HOW}"
-    return f"it is no host; {_HOW}"
+    return f"it is not a host; {_HOW}"
 
 
 def _is_host(text: str) -> bool:

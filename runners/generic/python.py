@@ -85,7 +85,7 @@ def _called(named: str, parameters: Mapping[str, RunValue]) -> Any:
     except (ImportError, AttributeError, ValueError) as error:
         raise RunnerError(f"there is no function {named}: {error}") from error
     if not callable(function) or inspect.iscoroutinefunction(function):
-        raise RunnerError(f"{named} is no function that can simply be called")
+        raise RunnerError(f"{named} is not a function that can be called directly")
     positional, by_name = _arguments(function, parameters)
     return function(*positional, **by_name)
 

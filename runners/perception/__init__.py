@@ -28,8 +28,8 @@ _CAMERA = "perception_capabilities/ImageAnalysisRunner"
 _NOTHING = "nothing"
 _PUT = "put a step that perceives something, such as an ImageAnalysisRunner, right before this one"
 _NO_TEXT = (
-    "no step right before this one hands over a text to check, and the camera of the robot cannot "
-    "be looked through"
+    "no step right before this one provides a text to check, and the camera of the robot cannot "
+    "be used"
 )
 
 

@@ -15,6 +15,7 @@ from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.capabilities.library import bind
 from gpsfsm.compile import compile_plan
 from tests import oracle
+from tests.cases import many
 from tests.oracle import par_all, par_any, plan, rec, seq
 from tests.oracle.buffers import empty_answer, empty_flush, unflushed
 from tests.oracle.capabilities import Described, Input, Output, Parameter, Prompt, World
@@ -323,7 +324,7 @@ def test_the_facts_of_section_5_under_declared_outcomes(
     same_declared_outcomes(found, world, whole, consistent=consistent)
 
 
-@settings(max_examples=40)
+@settings(max_examples=many(40))
 @given(data=st.data())
 def test_both_ways_agree_on_larger_plans(data: st.DataObject) -> None:
     kinds = {"values": True, "prompts": True, "clocks": data.draw(st.booleans())}

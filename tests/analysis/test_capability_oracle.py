@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.cases import many
 from tests.oracle import (
     FAILED,
     C,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
 R3 = "/Plan/Runner[3]"
 HANG, NO_START = frozenset({"hang"}), frozenset({"no-start"})
-few = settings(max_examples=60)
+few = settings(max_examples=many(60))
 
 GIVES = Described("Give", outputs=(Output("text"), Output("why", FAILED)))
 MAYBE = Described("Maybe", outputs=(Output("text", optional=True),))

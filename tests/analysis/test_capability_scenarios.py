@@ -15,6 +15,7 @@ from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.capabilities.library import Capabilities
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.model.event import Outcome
+from tests.cases import many
 from tests.oracle import to_xml
 from tests.oracle.capabilities import World
 from tests.strategies import faults
@@ -98,7 +99,7 @@ def test_declared_outcomes_faults_and_consistency(
     sound(findings(whole, library, models=models, consistent=consistent))
 
 
-@settings(max_examples=40)
+@settings(max_examples=many(40))
 @given(race=races())
 def test_races(race: tuple[oracle.P, tuple[Described, ...]]) -> None:
     whole, library = race

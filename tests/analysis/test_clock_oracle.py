@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.cases import many
 from tests.oracle import (
     Both,
     C,
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from tests.oracle.capabilities import Bounds, Instance
 
 HANG, NO_START = frozenset({"hang"}), frozenset({"no-start"})
-few = settings(max_examples=60)
+few = settings(max_examples=many(60))
 
 
 def holds(name: str, *resources: str, duration: Bounds | None = None) -> Described:

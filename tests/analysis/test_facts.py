@@ -9,6 +9,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from tests import oracle
+from tests.cases import many
 from tests.oracle.model import place
 from tests.strategies import constraints, faults, plans, plans_of_few_actions
 from tests.support import decided, facts_as_dict
@@ -40,7 +41,7 @@ def same(found: Decided, whole: oracle.P, wanted: dict[str, Any] | None) -> None
 
 
 @both_solvers
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(whole=plans())
 def test_facts_of_free_outcomes(solver: SolverChoice, whole: oracle.P) -> None:
     same(decided(whole, solver=solver), whole, oracle.facts(whole))
@@ -51,7 +52,7 @@ def test_facts_of_a_consistent_world(whole: oracle.P) -> None:
     same(decided(whole, consistent=True), whole, oracle.facts(whole, consistent=True))
 
 
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 @given(whole=plans_of_few_actions())
 @example(oracle.plan(oracle.par_all("Go", "Go")))
 @example(oracle.plan(oracle.par_all(oracle.seq("Say", "Go"), oracle.par_any("Go", "Go"))))
@@ -78,7 +79,7 @@ def test_facts_under_assumptions(
     assert found.contradictory == (found.facts() is None)
 
 
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 @given(whole=plans(min_runners=11, max_runners=40, max_depth=6))
 def test_both_ways_agree_on_larger_plans(whole: oracle.P) -> None:
     by_structure = decided(whole, solver="structural").facts()

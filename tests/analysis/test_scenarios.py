@@ -18,6 +18,7 @@ from gpsfsm.analysis.rules import all_rules
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import Event
 from tests import oracle
+from tests.cases import many
 from tests.strategies import constraints, faults, plans
 from tests.support import decided
 
@@ -86,14 +87,14 @@ def test_the_structural_pass_finds_the_canonical_scenario(whole: oracle.P) -> No
     check_canonical(whole, decided(whole, solver="structural"))
 
 
-@settings(max_examples=50)
+@settings(max_examples=many(50))
 @given(whole=plans(max_runners=8))
 def test_z3_finds_the_canonical_scenario(whole: oracle.P) -> None:
     found = decided(whole, solver="z3")
     check_canonical(whole, found)
 
 
-@settings(max_examples=50)
+@settings(max_examples=many(50))
 @given(whole=plans(max_runners=5), models=faults(), consistent=st.booleans())
 def test_z3_finds_the_canonical_scenario_under_faults(
     whole: oracle.P, models: frozenset[str], consistent: bool
@@ -167,7 +168,7 @@ def test_traces_hold_the_cause_of_each_event_before_it(whole: oracle.P) -> None:
         assert ending[finding.scenario.ends] in triggered_by(automaton, delivered)
 
 
-@settings(max_examples=50)
+@settings(max_examples=many(50))
 @given(whole=plans(max_runners=12))
 def test_both_backends_write_the_same_findings(whole: oracle.P) -> None:
     by_z3 = decided(whole, solver="z3")

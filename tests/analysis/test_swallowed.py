@@ -13,6 +13,7 @@ from gpsfsm.analysis.decisions.swallowed import swallowed_claim
 from gpsfsm.model.event import End, Outcome
 from tests import oracle
 from tests.analysis.test_capability_facts import FREE, SOLVERS, all_solvers, decided_over
+from tests.cases import many
 from tests.oracle import par_all, par_any, plan, rec, seq
 from tests.oracle.capabilities import Described, World
 from tests.oracle.goals import missed_goals
@@ -95,7 +96,7 @@ def test_by_hand(solver: SolverChoice, name: str) -> None:
     assert brute_force(World(whole, library), whole) == set(wanted)
 
 
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(data=st.data())
 def test_free_outcomes(data: st.DataObject) -> None:
     library = data.draw(libraries(goals=True))
@@ -105,7 +106,7 @@ def test_free_outcomes(data: st.DataObject) -> None:
         same(decided_over(whole, library, solver=solver), world, whole)
 
 
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 @given(data=st.data(), models=faults(), consistent=st.booleans())
 def test_fault_models_and_declared_outcomes(
     data: st.DataObject, models: frozenset[str], consistent: bool
@@ -116,7 +117,7 @@ def test_fault_models_and_declared_outcomes(
     same(decided_over(whole, library, faults=models, consistent=consistent), world, whole)
 
 
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 @given(data=st.data(), models=faults())
 def test_assumptions(data: st.DataObject, models: frozenset[str]) -> None:
     library = data.draw(libraries(goals=True))
@@ -128,7 +129,7 @@ def test_assumptions(data: st.DataObject, models: frozenset[str]) -> None:
     same(found, world, whole)
 
 
-@settings(max_examples=80)
+@settings(max_examples=many(80))
 @given(data=st.data(), models=st.sampled_from([FREE, FREE, frozenset({"hang"})]))
 @example(data=None, models=FREE).via("two ways of the same size")
 def test_scenarios_are_the_canonical_ones(
@@ -162,7 +163,7 @@ def test_scenarios_are_the_canonical_ones(
             assert scenario.ends is End.COMPLETED
 
 
-@settings(max_examples=30)
+@settings(max_examples=many(30))
 @given(data=st.data())
 def test_both_ways_agree_on_larger_plans(data: st.DataObject) -> None:
     library = data.draw(libraries(goals=True))

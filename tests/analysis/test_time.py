@@ -26,6 +26,7 @@ from gpsfsm.compile import Compiled, compile_plan
 from gpsfsm.model.capability import Binding, Interface, Outcomes, Provider, Span
 from gpsfsm.model.event import Outcome
 from tests import oracle
+from tests.cases import many
 from tests.oracle import C, P, par_all, par_any, plan, rec, seq
 from tests.oracle.capabilities import Described, World
 from tests.oracle.clocks import energy as energy_by_force
@@ -239,7 +240,7 @@ def libraries() -> st.SearchStrategy[list[Described]]:
     return st.tuples(*pairs).map(lambda known: [found for found in known if found is not None])
 
 
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 @given(
     whole=plans(max_runners=6),
     library=libraries(),
@@ -297,7 +298,7 @@ def described_plans(draw: st.DrawFn) -> tuple[Compiled, Constraints]:
     return compiled, Constraints(allowed)
 
 
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 @given(case=described_plans())
 def test_both_ways_agree_on_larger_plans(case: tuple[Compiled, Constraints]) -> None:
     for module in (makespan, energy, loading):

@@ -21,6 +21,7 @@ from gpsfsm.model.event import Outcome
 from gpsfsm.model.report import Facts, Frequency, Interval, Loaded, PlanReport, Report, Verdict
 from gpsfsm.report import render
 from tests.analysis.test_time import bindings_of, by_solver, libraries, takes
+from tests.cases import many
 from tests.oracle import C, P, par_any, plan, rec
 from tests.oracle.capabilities import Described, Instance, World
 from tests.oracle.clocks import end_of
@@ -76,7 +77,9 @@ def test_a_deadline_that_nothing_guarantees() -> None:
     assert "takes at least 1 s" in found.message
     assert found.message.endswith("X at line 3")
     assert found.scenario is not None
-    assert found.scenario.story[-1] == "the plan completes, but nobody knows when"
+    assert found.scenario.story[-1] == (
+        "the plan completes, but nothing limits how long that takes"
+    )
     (found,) = findings("GP502", plan("d/X"), [], deadline_s=5)
     assert found.message.startswith(
         "nothing guarantees the deadline of 5 s: no capability file declares"
@@ -87,10 +90,10 @@ def test_a_deadline_that_nothing_guarantees() -> None:
 def test_amounts_that_no_float_could_add() -> None:
     vast = [takes("d/A", 1, 1e308), takes("d/B", 1, 1e308)]
     (late,) = findings("GP502", plan("d/A", "d/B"), vast, deadline_s=5)
-    assert late.message.endswith("how long these take at most: A at line 2 and B at line 3")
-    assert late.hint.startswith("give these runners a greatest duration")
+    assert late.message.endswith("a maximum duration for A at line 2 and B at line 3")
+    assert late.hint.startswith("declare a maximum duration for these runners")
     (greedy,) = findings("GP503", plan("d/A", "d/B"), vast, energy_limit_j=5)
-    assert greedy.message.endswith("how much these take at most: A at line 2 and B at line 3")
+    assert greedy.message.endswith("a maximum energy for A at line 2 and B at line 3")
     assert greedy.hint
     never = [takes("d/A", 1e308, sure=True), takes("d/B", 1e308, sure=True)]
     (late,) = findings("GP502", plan("d/A", "d/B"), never, deadline_s=5)
@@ -127,7 +130,7 @@ def test_no_run_that_ends_keeps_no_deadline() -> None:
     )
     assert by_solver(makespan, plan("d/A"), [hanging]) is None
     (only,) = findings("GP502", plan("d/A"), [hanging], deadline_s=5)
-    assert only.message == "no run of this plan ends, so none keeps the deadline of 5 s"
+    assert only.message == "no run of this plan ends, so none meets the deadline of 5 s"
 
 
 def test_a_plan_without_time_keeps_every_deadline() -> None:
@@ -140,12 +143,12 @@ def test_an_energy_limit_counts_what_is_left_behind() -> None:
     (found,) = findings("GP503", whole, library, energy_limit_j=32)
     assert "can take more energy than the limit of 32 J: 30 J to 35 J" in found.message
     assert found.scenario is not None
-    assert found.scenario.story[-1] == "that takes up to 35 J"
+    assert found.scenario.story[-1] == "this run takes up to 35 J"
     assert not findings("GP503", whole, library, energy_limit_j=35)
     (found,) = findings("GP503", whole, library, energy_limit_j=29)
     assert "every run of this plan takes more energy" in found.message
     (found,) = findings("GP503", plan("d/A"), [takes("d/A", 1, None)], energy_limit_j=29)
-    assert "no capability file declares how much these take at most: A at line 2" in found.message
+    assert "no capability file declares a maximum energy for A at line 2" in found.message
     (found,) = findings("GP503", plan("d/X"), [], energy_limit_j=29)
     assert "no capability file declares how much energy" in found.message
     assert not findings("GP503", plan(), [], energy_limit_j=0)
@@ -165,7 +168,7 @@ def test_an_energy_that_was_not_decided_is_not_said_to_be_undeclared() -> None:
     assert not list(find(Context(unknown)))
 
 
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 @given(
     whole=plans(min_runners=1, max_runners=6),
     library=libraries(),

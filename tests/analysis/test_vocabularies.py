@@ -40,9 +40,10 @@ def test_the_speech_of_a_tree_is_not_reworded(words: str) -> None:
     body = f'<Sequence><Say text="{words}"/>\n<Say text="{words}"/></Sequence>'
     (found,) = dangling(tree(body))
     assert found.message == (
-        "2 of 2 failures make the tree fail (lines 3 and 4: nothing handles it); it takes 1 failure"
+        "2 of 2 failures make the tree fail (lines 3 and 4: nothing handles it); 1 failure is "
+        "enough"
     )
-    assert found.hint == "--tolerate N demands that no N failures make the tree fail"
+    assert found.hint == "use --tolerate N to require that no N failures make the tree fail"
     assert found.scenario is not None
     assert found.scenario.story == (
         f"Say (text={words}) at line 3 fails",
@@ -53,8 +54,8 @@ def test_the_speech_of_a_tree_is_not_reworded(words: str) -> None:
 def test_a_tree_has_children_where_a_plan_has_recoveries() -> None:
     (last,) = dangling(tree('<Fallback><Say text="a"/>\n<Say text="the plan"/></Fallback>'))
     assert last.message == (
-        "1 of 2 failures makes the tree fail (line 4: last child of a Fallback or Retry); "
-        "it takes 2 failures"
+        "1 of 2 failures makes the tree fail (line 4: last child of a Fallback "
+        "or Retry); this takes at least 2 failures in total"
     )
     assert last.scenario is not None
     assert last.scenario.story[-1] == "nothing handles this failure: the tree fails"
@@ -64,7 +65,7 @@ def test_a_tree_has_children_where_a_plan_has_recoveries() -> None:
 def test_on_an_engine_a_speech_is_not_reworded(engine: str) -> None:
     (last,) = dangling(plan(GIVES_UP, "a"), engine)
     assert last.message == (
-        "2 of 2 failures hang the plan (lines 2 and 3: nothing handles it); it takes 1 failure; "
+        "2 of 2 failures hang the plan (lines 2 and 3: nothing handles it); 1 failure is enough; "
         f"{engine} cannot give up"
     )
     assert last.scenario is not None
@@ -94,7 +95,9 @@ def test_hints_of_a_task_speak_of_trees() -> None:
     report = check_text(text, "", CheckOptions(task=task))
     hints = {each.rule: each.hint for each in report.findings if each.rule in ("GP607", "GP608")}
     assert hints == {
-        "GP607": "remove what runs instead and hides the failure, so that nothing handles it",
+        "GP607": (
+            "remove what runs in its place and hides the failure, so that nothing handles it"
+        ),
         "GP608": "change the tree so that the run in the scenario keeps the rule",
     }
 
@@ -119,9 +122,9 @@ def test_a_tree_has_to_fail_where_a_plan_has_to_give_up() -> None:
     recovery = f'<Control type="recovery">{hidden("generic_capabilities/WaitRunner")}</Control>'
     texts = {
         tree("<Fallback><Go/>\n<AlwaysSuccess/></Fallback>"): "the tree completes even if step 1 "
-        "('a') fails: it has to fail then",
+        "('a') fails: it must fail then",
         f"<Plan>{hidden('a/Go')}{recovery}</Plan>": "the plan completes even if step 1 ('a') "
-        "fails: it has to give up then",
+        "fails: it must give up then",
     }
     for text, message in texts.items():
         report = check_text(text, "", CheckOptions(task=task))

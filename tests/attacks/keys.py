@@ -49,7 +49,7 @@ def _keys(world: World) -> Iterator[str]:
     label = "nothing was sent"
     if "this configuration is not read" in said:
         label = "the file of others is refused"
-    elif "the base URL" in said or "no address of its own" in said:
+    elif "the base URL" in said or "no default address" in said:
         label = "no such address"
     elif " no one answers at " in said:
         label = "nobody answers"

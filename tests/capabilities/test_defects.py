@@ -28,7 +28,7 @@ CASES = {
     "type_unlike_any": (
         PARAMETERS + "    - {name: a, type: geometry}\n",
         "7:17: error: 'geometry' is not a type, so any value is taken\n"
-        "    known are string, bool, int, double, and string[] and so on for lists",
+        "    the types are string, bool, int, double, and lists such as string[]",
     ),
     "default": (
         PARAMETERS + "    - {name: a, type: int, default: 1.5}\n",
@@ -139,7 +139,7 @@ CASES = {
     ),
     "contradiction": (
         "outcomes: {never_fails: true, never_succeeds: true}\n",
-        "5:12: error: 'never_fails' and 'never_succeeds' contradict each other\n"
+        "5:12: error: 'never_fails' and 'never_succeeds' cannot both be true\n"
         "    remove one of them; never_fails is not used",
     ),
     "unless_of_nothing": (
@@ -216,7 +216,11 @@ CASES = {
     ),
     "unknown_key": (
         "resource: [base]\n",
-        "5:1: warning: the key 'resource' is not known here\n    did you mean 'resources'?",
+        "5:1: error: the key 'resource' is not known here\n    did you mean 'resources'?",
+    ),
+    "unknown_key_of_others": (
+        "idempotent: true\n",
+        "5:1: warning: the key 'idempotent' is not known here\n    did you mean 'implements'?",
     ),
     "unknown_inner_key": (
         RUNTIME + "    output: [{name: a, unit: m}]\n",
@@ -261,7 +265,7 @@ INTERFACE_CASES = {
     ),
     "no_version": (
         "name: Grasp\nspec_type: interface\nspec_version: new\n",
-        "3:1: warning: 'new' is not a spec_version\n    known are 1, 1.1 and 1.2",
+        "3:1: warning: 'new' is not a spec_version\n    the versions are 1, 1.1 and 1.2",
     ),
     "other_name": (
         "name: Grab\nspec_type: interface\n",
@@ -299,7 +303,7 @@ INTERFACE_CASES = {
     "kind_list": (
         "name: Grasp\nspec_type: [a]\n",
         "2:1: error: a list is not a spec_type\n"
-        "    known are interface, provider, semantic_interface",
+        "    the types are interface, provider, semantic_interface",
     ),
 }
 

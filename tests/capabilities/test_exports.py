@@ -13,6 +13,7 @@ from gpsfsm.capabilities.exports import read_package
 from gpsfsm.capabilities.load import load_directories
 from gpsfsm.errors import UsageError
 from tests.capabilities.support import INTERFACE, PROVIDER, load, write
+from tests.cases import many
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -54,7 +55,7 @@ def test_a_path_is_read_as_the_server_reads_it(tmp_path: Path) -> None:
 def test_a_file_that_is_missing_is_told_at_its_place(tmp_path: Path) -> None:
     exports = "<capability_provider>\n   providers/Grap.yaml </capability_provider>"
     assert package(tmp_path, INTERFACES, PROVIDERS, exports) == [
-        "arm/package.xml:7:4: error: it exports 'providers/Grap.yaml', and there is no such file\n"
+        "arm/package.xml:7:4: error: it exports 'providers/Grap.yaml', but there is no such file\n"
         "    did you mean 'Grasp.yaml'?"
     ]
 
@@ -115,11 +116,11 @@ def test_a_package_inside_another_one_has_its_own_exports(tmp_path: Path) -> Non
         (manifest("<capability_provider/>"), "4:1: error: <capability_provider> names no file"),
         (
             manifest(PROVIDERS.replace(">prov", ">../arm/prov")),
-            "'../arm/providers/Grasp.yaml' leads out",
+            "'../arm/providers/Grasp.yaml' is outside",
         ),
         (
             manifest(PROVIDERS.replace(">prov", ">//prov")),
-            "'/providers/Grasp.yaml' is no file of this",
+            "'/providers/Grasp.yaml' is not a file of this",
         ),
         (manifest(PROVIDERS.replace("Grasp", "a" * 300)), "there is no such file"),
         (manifest(PROVIDERS, PROVIDERS), "5:22: warning: it exports 'providers/Grasp.yaml' twice"),
@@ -177,7 +178,7 @@ PIECES = [
 PIECES += ["\n", "é", "\x00", "<?xml version='1.0'?>", "..", "/"]
 
 
-@settings(max_examples=300)
+@settings(max_examples=many(300))
 @given(st.lists(st.sampled_from(PIECES) | st.text(max_size=3), max_size=12))
 def test_no_text_of_a_package_does_harm(
     tmp_path_factory: pytest.TempPathFactory, pieces: list[str]

@@ -152,8 +152,8 @@ class TestReading:
         with pytest.raises(ConfigError) as caught:
             load_config(file)
         assert str(caught.value) == (
-            f"{file}: there is no key 'output-file': a file of a project must not say what is "
-            "written where; give -o FILE on the command line"
+            f"{file}: there is no key 'output-file': a project file must not decide where "
+            "output is written; give -o FILE on the command line"
         )
 
     @pytest.mark.parametrize(
@@ -169,8 +169,8 @@ class TestReading:
             ("select = [3]", "'select[0]' must be a valid string, not 3"),
             ("faults = ['hang', 'x']", "'faults[1]' must be 'failed', 'no-start' or 'hang'"),
             ("fail_on = 'error'", "there is no key 'fail_on'; did you mean 'fail-on'?"),
-            ("zzz = 1", "there is no key 'zzz'; known are format, select, ignore"),
-            ("[tool.gpsfsm]\njobs = 1", "keys stand at the top of a gpsfsm.toml"),
+            ("zzz = 1", "there is no key 'zzz'; the keys are format, select, ignore"),
+            ("[tool.gpsfsm]\njobs = 1", "in a gpsfsm.toml, keys are at the top level"),
             ("select = ['GP0']", "'select': no rule matches 'GP0'"),
             ("ignore = ['x']", "'ignore': no rule matches 'x'"),
             ("format = 'x'", "'format': there is no format 'x'"),
@@ -264,15 +264,15 @@ class TestFilesOfOthers:
         with pytest.raises(ConfigError) as caught:
             find_config(file.parent)
         assert str(caught.value) == (
-            f"{file}: this configuration is not read, since it lies in a folder in which every "
-            f"user can write; to use it nevertheless, name it: --config {file}"
+            f"{file}: this configuration is not read, since it is in a folder that every "
+            f"user can write to; to use it anyway, name it: --config {file}"
         )
         assert load_config(file).values == {}
 
     def test_one_that_all_can_write(self, tmp_path: Path) -> None:
         file = put(tmp_path, "gpsfsm.toml", "")
         file.chmod(0o666)
-        with pytest.raises(ConfigError, match="every user can write it"):
+        with pytest.raises(ConfigError, match="every user can write to it"):
             find_config(tmp_path)
 
     def test_a_link_counts_as_what_it_leads_to(self, tmp_path: Path) -> None:
@@ -280,7 +280,7 @@ class TestFilesOfOthers:
         (tmp_path / "gpsfsm.toml").symlink_to(file)
         assert find_config(tmp_path).values == {"jobs": 3}
         file.parent.chmod(0o1777)
-        with pytest.raises(ConfigError, match="in a folder in which every user can write"):
+        with pytest.raises(ConfigError, match="in a folder that every user can write to"):
             find_config(tmp_path)
 
     def test_a_project_without_settings_is_nobody_s_business(self, tmp_path: Path) -> None:
@@ -355,8 +355,8 @@ class TestOfTheUser:
         with pytest.raises(ConfigError) as caught:
             load_config(file)
         assert str(caught.value) == (
-            f"{file}: where keys may go is not for a file of a project to say; the table 'keys' "
-            f"stands in the user's own configuration, {own}"
+            f"{file}: a project file must not decide where keys are sent; put the table 'keys' "
+            f"into your own configuration, {own}"
         )
 
     @pytest.mark.parametrize(

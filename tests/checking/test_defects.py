@@ -50,7 +50,7 @@ def test_a_defect(part: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(part, raising(ZeroDivisionError("of the universe")))
     report = gpsfsm.check(PLAN)
     assert "(ZeroDivisionError: of the universe)" in message_of(report.plans[0])
-    assert "please report it" in report.plans[0].findings[0].hint
+    assert "please report this" in report.plans[0].findings[0].hint
     assert report.exit_code() == 2
 
 
@@ -84,7 +84,7 @@ def test_a_contradiction(part: str, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_no_memory_is_no_defect(part: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(part, raising(MemoryError()))
     (plan,) = gpsfsm.check(PLAN).plans
-    assert message_of(plan, "GP904") == "the memory has run out before it was decided"
+    assert message_of(plan, "GP904") == "memory ran out before the plan was decided"
     assert "defect" not in plan.findings[0].hint
     assert "report it" not in plan.findings[0].hint
 
@@ -106,7 +106,10 @@ def test_debugging_raises_on(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"faults": ["fire"]}, "there is no fault model 'fire'; known are failed, no-start, hang"),
+        (
+            {"faults": ["fire"]},
+            "there is no fault model 'fire'; the fault models are failed, no-start, hang",
+        ),
         ({"solver": "oracle"}, "there is no solver 'oracle'"),
         ({"rlimit": 0}, "rlimit must be from 1 to 4294967295, not 0"),
         ({"rlimit": 2**32}, "rlimit must be from 1 to 4294967295, not 4294967296"),

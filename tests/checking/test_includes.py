@@ -26,6 +26,7 @@ from gpsfsm.model.finding import Problem, Severity
 from gpsfsm.model.report import PlanReport, Verdict
 from gpsfsm.report import format_names, render
 from gpsfsm.syntax import Limits
+from tests.cases import many
 from tests.cli.support import run
 
 if TYPE_CHECKING:
@@ -275,7 +276,7 @@ class TestRefusing:
         }
 
     @given(st.text("./\\ab~$%é\x00:*?#&@ \n", max_size=30), st.text("./abé-", max_size=8))
-    @settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @settings(max_examples=many(200), suppress_health_check=[HealthCheck.function_scoped_fixture])
     def test_no_path_leads_out(self, path: str, package: str) -> None:
         root = Path("root").absolute()
         put({"a": xml("A: <Go/>"), "root/b/a.xml": xml("A: <Go/>"), "root/a": "<root/>"})
@@ -339,7 +340,7 @@ class TestRefusing:
     def test_texts_include_nothing(self) -> None:
         put(ARM)
         text = Path("main.xml").read_bytes()
-        why = "this includes another file; files are read only for a tree that is a file itself"
+        why = "this includes another file, which is read only for a tree that is itself a file"
         assert refused(check_text(text, "main.xml", CheckOptions())) == why
         assert refused(gpsfsm.check(text.decode()).plans[0]) == why
         options = CheckOptions(from_response=True)
@@ -354,7 +355,7 @@ class TestRefusing:
 
     def test_commands(self) -> None:
         put(ARM)
-        why = "this includes another file; files are read only for a tree that is a file itself"
+        why = "this includes another file, which is read only for a tree that is itself a file"
         text = Path("main.xml").read_bytes()
         for command in (["check", "-"], ["gate", "-", "--allow-trees"], ["show", "-"]):
             refusal = run(*command, stdin=text)
@@ -445,7 +446,9 @@ class TestReporting:
     ) -> None:
         put({"main.xml": xml(include="a.xml"), "a.xml": xml("A: <Inverter><Go/></Inverter>")})
         assert main(["convert", "main.xml", "--to", "plan"]) == 1
-        assert capsys.readouterr().err.startswith("gpsfsm: a.xml:3: plan cannot say /root/include")
+        assert capsys.readouterr().err.startswith(
+            "gpsfsm: a.xml:3: plan cannot express /root/include"
+        )
 
     def test_a_model_in_another_file(self) -> None:
         put({"main.xml": xml('M: <Go to="here" x="1"/>', include="models.xml")})
@@ -453,7 +456,7 @@ class TestReporting:
         plan = check()
         assert places(plan) == [("GP803", "", 4)]
         (finding,) = (each for each in plan.findings if each.rule == "GP803")
-        assert finding.hint == "it has the port to (line 2 of models.xml)"
+        assert finding.hint == "use the port to (line 2 of models.xml)"
 
     def test_trees_of_nav2_fit_its_description_of_nodes(self, shared_corpus: Path) -> None:
         def wrong(problem: Problem) -> bool:

@@ -8,7 +8,7 @@ import pytest
 
 import gpsfsm
 from gpsfsm.analysis.constraints import constraints_of
-from gpsfsm.analysis.options import AnalysisOptions, Inconclusive
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, AnalysisOptions, Inconclusive
 from gpsfsm.checking import machine_check
 from gpsfsm.checking.machine_check import ANALYSES, DecidedMachine, decide_machine
 from gpsfsm.compile import compile_plan
@@ -59,8 +59,8 @@ def test_a_machine_that_never_completes() -> None:
     found = said("start SUCCEEDED a", "a SUCCEEDED a", "a FAILED lost")
     assert found[1][:2] == (
         "error GP304 /machine",
-        "this machine never completes, whatever happens: every run gives up, is stuck or goes on "
-        "for ever",
+        "this machine never completes, whatever happens: every run gives up, "
+        "gets stuck or runs for ever",
     )
 
 
@@ -74,11 +74,15 @@ def test_a_machine_that_is_stuck() -> None:
             "if a at line 1 fails, nothing handles that: the machine is stuck",
             ["a at line 1 fails"],
         ),
-        ("error GP306 /machine", f"this machine can be stuck: {stuck}", ["a at line 1 fails", end]),
+        (
+            "error GP306 /machine",
+            f"this machine can get stuck: {stuck}",
+            ["a at line 1 fails", end],
+        ),
     ]
     always = said("start SUCCEEDED a")
     assert [rule for rule, _, _ in always[:2]] == ["error GP304 /machine", "error GP306 /machine"]
-    assert always[1][1] == f"this machine is stuck in every run: {stuck}"
+    assert always[1][1] == f"this machine gets stuck in every run: {stuck}"
 
 
 def test_a_hanging_runner_leaves_a_machine_stuck() -> None:
@@ -96,7 +100,7 @@ def test_events_that_end_the_run() -> None:
     assert found == [
         (
             "info GP302 /machine/b",
-            "1 outcome ends the machine (line 1: nothing handles it); it takes 0 failures",
+            "1 outcome ends the machine (line 1: nothing handles it); no failure is needed",
             ["a at line 1 succeeds", "b at line 1 succeeds"],
         )
     ]
@@ -128,7 +132,7 @@ FORK = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED j", "b SUCCEEDED 
         (
             ("j SUCCEEDED end", "a FAILED a", "b FAILED b"),
             "warning",
-            "the machine runs on for ever",
+            "the machine runs for ever",
         ),
         (
             ("j SUCCEEDED end", "a FAILED end", "b FAILED end"),
@@ -141,7 +145,7 @@ def test_joins_that_wait_for_ever(more: tuple[str, ...], severity: str, then: st
     (found,) = [each for each in said(*FORK, *more, j=2) if "GP303" in each[0]]
     assert found[0] == f"{severity} GP303 /machine/j"
     assert found[1] == (
-        f"the join j can have some of its inputs and wait for the others for ever: {then}"
+        f"the join j can receive some of its inputs and wait for the others for ever: {then}"
     )
     assert found[2][0] in ("a at line 1 succeeds", "b at line 1 succeeds", "a at line 1 fails")
 
@@ -162,16 +166,16 @@ def test_long_stories_leave_out_their_middle() -> None:
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ({"faults": ["no-start"]}, "a machine is undecided under --faults no-start"),
+        ({"faults": ["no-start"]}, "a machine cannot be decided under --faults no-start"),
         (
             {"consistent": True, "faults": ["hang"]},
-            "a machine whose runs depend on the order is undecided under --consistent together "
-            "with runners that may hang",
+            "a machine whose runs depend on the order cannot be decided under --consistent "
+            "together with runners that may hang",
         ),
-        ({"engine": "fabric-v2"}, "a machine is not checked for fabric-v2"),
+        ({"engine": "fabric-v2"}, "a machine cannot be checked for fabric-v2"),
         (
             {"assume": ["a fails or b succeeds"]},
-            "a machine whose runs depend on the order is undecided under assumptions that tie "
+            "a machine whose runs depend on the order cannot be decided under assumptions that tie "
             "runners together",
         ),
     ],
@@ -214,7 +218,7 @@ def test_time_and_energy_are_not_decided(options: dict[str, Any], name: str) -> 
     (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED, **options).plans
     assert report.verdict.value == "undecided"
     assert [(each.rule, each.message) for each in report.findings] == [
-        ("GP904", f"a machine is undecided under {name}")
+        ("GP904", f"a machine cannot be decided under {name}")
     ]
 
 
@@ -267,6 +271,14 @@ def test_a_proof_that_meets_its_limit_leaves_the_search() -> None:
     assert said.unproved == "--rlimit"
     assert said.facts is not None
     assert said.facts.completes is Frequency.SOMETIMES
+
+
+def test_a_limit_above_the_default_lets_a_proof_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine_check, "SECOND_OPINION", 100)
+    loop = ("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED a")
+    assert decided(*loop).unproved == "--rlimit"
+    raised = decided(*loop, options=AnalysisOptions(rlimit=DEFAULT_RLIMIT + 1))
+    assert raised.decided_by == dict.fromkeys(ANALYSES, "z3")
 
 
 def test_large_explorations_are_not_proved(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -443,7 +455,7 @@ def test_an_overlap_is_shown_by_a_run_that_is_played_to_its_end() -> None:
     scenario = report.findings[0].scenario
     assert scenario is not None
     assert scenario.ends == "COMPLETED"
-    assert scenario.story[-1] == "both hold the base at the same time"
+    assert scenario.story[-1] == "both use the base at the same time"
     assert [outcome.value for _, outcome in scenario.outcomes] == ["FAILED", "SUCCEEDED"]
 
 
@@ -490,8 +502,8 @@ def test_a_tree_that_is_too_large_is_decided_without_counting_rounds(
     assert (report.verdict, report.facts.completes) == (whole.verdict, whole.facts.completes)
     (finding,) = (each for each in report.findings if each.rule == "GP816")
     assert finding.message == (
-        "the automaton says more than this tree does, because of line 1: counting rounds there, "
-        "its runs reach too many configurations"
+        "the automaton allows more than this tree can do, because of line 1: "
+        "if rounds are counted there, its runs reach too many configurations"
     )
     monkeypatch.setattr(machine_check, "MAX_CONFIGURATIONS", 5)
     (report,) = gpsfsm.check(text).plans

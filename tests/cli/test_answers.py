@@ -52,13 +52,16 @@ def test_each_line_is_an_answer(tmp_path: Path, capsys: pytest.CaptureFixture[st
     ("line", "why"),
     [
         ("", "is an empty line"),
-        ("{", "is no JSON: "),
-        ("[" * 100_000, "is no JSON"),
-        ("[]", "is no JSON object"),
+        ("{", "is not JSON: "),
+        ("[" * 100_000, "is not JSON"),
+        ("[]", "is not a JSON object"),
         ('{"response": 3}', "has no text in any of response, response_text, "),
         ("{}", "has no text in any of "),
-        ('{"response": "a", "plan": "b"}', "has a text in response and plan; say with --field"),
-        ('{"response": "a", "response": "b"}', "is no JSON: the key 'response' is there twice"),
+        (
+            '{"response": "a", "plan": "b"}',
+            "has a text in response and plan; name the right one with --field",
+        ),
+        ('{"response": "a", "response": "b"}', "is not JSON: the key 'response' occurs twice"),
     ],
 )
 def test_a_line_without_an_answer_is_unreadable(
@@ -97,7 +100,7 @@ def test_a_field_without_lines_makes_no_sense(
 ) -> None:
     (tmp_path / "a.xml").write_text(ACCEPTED, "utf-8")
     assert main(["check", str(tmp_path / "a.xml"), "--field", "x"]) == 2
-    assert "--field is about JSON lines" in capsys.readouterr().err
+    assert "--field needs JSON lines" in capsys.readouterr().err
 
 
 def test_plans_and_answers_are_read_differently(

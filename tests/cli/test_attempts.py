@@ -92,7 +92,7 @@ def test_one_attempt_with_all_that_was_said() -> None:
     code, out, _ = attempts("run.db", "--show", "2")
     assert code == 0
     titles = [line for line in out.splitlines() if line.startswith("== ")]
-    assert titles == ["== what the model was told last", "== its answer", "== what was found"]
+    assert titles == ["== the last message to the model", "== the answer", "== the result"]
     assert "Your plan was rejected: 1 error" in out
     assert "\n   Write instead:\n" in out
     assert "The plan is accepted.\n" in out
@@ -155,7 +155,7 @@ def test_runs_are_none_of_its_business() -> None:
         (("folder",), "folder: "),
         (("run.db", "--session", "2"), "there is no session 2 in run.db; it holds session 1 alone"),
         (("run.db", "--show", "2"), "there is no attempt 2; the session has 1 attempt"),
-        (("run.db", "--show", "1", "--format", "json"), "--show and --format json exclude each"),
+        (("run.db", "--show", "1", "--format", "json"), "--show cannot be used with --format json"),
         (("run.db", "--session", "0"), "--session"),
     ],
 )

@@ -101,14 +101,14 @@ def test_check_shows_defects(arm: Path) -> None:
     assert done.stdout.decode() == (
         "mine/arm/providers/Grasp.yaml:5:12: error: min is greater than max: 3 and 2\n"
         "    change one of them\n"
-        "mine/arm/providers/Grasp.yaml:6:1: warning: the key 'resource' is not known here\n"
+        "mine/arm/providers/Grasp.yaml:6:1: error: the key 'resource' is not known here\n"
         "    did you mean 'resources'?\n"
-        "2 files: 1 interface, 1 provider, 0 semantic interfaces; 1 error, 1 warning\n"
+        "2 files: 1 interface, 1 provider, 0 semantic interfaces; 2 errors, 0 warnings\n"
     )
 
 
 def test_check_as_json(arm: Path) -> None:
-    spoil(arm, "resource: [base]\n")
+    spoil(arm, "colour: red\n")
     done = run("capabilities", "check", "mine", "--format", "json")
     assert done.returncode == 0
     assert json.loads(done.stdout) == {
@@ -125,15 +125,15 @@ def test_check_as_json(arm: Path) -> None:
                 "line": 5,
                 "column": 1,
                 "severity": "warning",
-                "message": "the key 'resource' is not known here",
-                "hint": "did you mean 'resources'?",
+                "message": "the key 'colour' is not known here",
+                "hint": "it is ignored",
             }
         ],
     }
 
 
 def test_warnings_fail_only_if_asked(arm: Path) -> None:
-    spoil(arm, "resource: [base]\n")
+    spoil(arm, "colour: red\n")
     assert run("capabilities", "check", "mine").returncode == 0
     assert run("capabilities", "check", "mine", "--fail-on", "warning").returncode == 1
 
@@ -169,9 +169,10 @@ def test_list_and_show_tell_of_errors_in_the_files(arm: Path) -> None:
 
 
 def test_without_a_command_the_help_is_shown() -> None:
-    done = run("capabilities")
-    assert (done.returncode, done.stdout) == (2, b"")
-    assert done.stderr.decode().startswith("Usage: gpsfsm capabilities")
+    for group in ("capabilities", "ros"):
+        done = run(group)
+        assert (done.returncode, done.stdout) == (2, b"")
+        assert done.stderr.decode().startswith(f"Usage: gpsfsm {group}")
     wrong = run("capabilities", "lst")
     assert wrong.returncode == 2
     assert "lst" in wrong.stderr.decode()

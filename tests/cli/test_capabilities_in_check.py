@@ -122,6 +122,18 @@ class TestFolders:
         first, *_ = done.stdout.decode().splitlines()
         assert first.startswith("a.xml:1:1: warning GP211 defective-capability-file: ")
 
+    def test_a_misspelt_key_is_reported(self, tmp_path: Path) -> None:
+        """Else what the key was meant to declare, such as a resource, is missing unnoticed."""
+        describe(tmp_path / "sure", "resource: [base]\n")
+        command = ("a.xml", "--capabilities", "sure")
+        done = run("check", *command, cwd=tmp_path)
+        assert done.returncode == 0
+        assert b"the key 'resource' is not known here" in done.stdout
+        strict = ("--fail-on", "warning", "--ignore", "GP302")
+        assert run("gate", *command, *strict, cwd=tmp_path).returncode == 1
+        describe(tmp_path / "sure", "resources: [base]\ncolour: of another program\n")
+        assert run("gate", *command, *strict, cwd=tmp_path).returncode == 0
+
 
 class TestJobs:
     COMMAND = ("plans", "--capabilities", "sure", "--deadline", "4")

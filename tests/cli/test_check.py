@@ -82,7 +82,7 @@ def test_a_verbose_report_shows_all_that_is_known(tmp_path: Path) -> None:
     write(tmp_path, a=f"<Plan>\n{runner()}\n{end}\n</Plan>")
     short = run("check", "a.xml", cwd=tmp_path).stdout
     whole = run("check", "a.xml", "--verbose", cwd=tmp_path).stdout
-    for line in (b"(element /Plan/Runner[2])", b"= hint: remove it: completion follows"):
+    for line in (b"(element /Plan/Runner[2])", b"= hint: remove it; the check ignores it"):
         assert line not in short
         assert line in whole
     assert b"a.xml:3:1: info GP113 explicit-completion: " in short
@@ -253,3 +253,12 @@ class TestDefects:
         monkeypatch.setenv("GPSFSM_DEBUG", "1")
         with pytest.raises(ZeroDivisionError):
             main(["check", "."])
+
+
+def test_short_names_of_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=REJECTED)
+    for short, long in (("-v", "--verbose"), ("-q", "--quiet")):
+        assert main(["check", "a.xml", short]) == 1
+        printed = capsys.readouterr().out
+        assert main(["check", "a.xml", long]) == 1
+        assert capsys.readouterr().out == printed

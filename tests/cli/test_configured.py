@@ -224,7 +224,7 @@ class TestWhatAFileTakesAway:
         ("setting", "said"),
         [
             ('select = ["GP9"]', '1 finding (1 error) hidden by select = ["GP9"]'),
-            ('fail-on = "never"', '1 finding (1 error) let pass by fail-on = "never"'),
+            ('fail-on = "never"', '1 finding (1 error) excused by fail-on = "never"'),
             ('assume = ["x never fails"]', 'decided with assume = ["x never fails"]'),
             ("consistent = true", "decided with consistent = true"),
             ("builtin-capabilities = false", "decided with builtin-capabilities = false"),
@@ -245,7 +245,7 @@ class TestWhatAFileTakesAway:
     ) -> None:
         write(tmp_path, a=EXCUSED)
         configure('fail-on = "never"\nquiet = true')
-        said = 'note: 1 finding (1 error) let pass by fail-on = "never" in gpsfsm.toml\n'
+        said = 'note: 1 finding (1 error) excused by fail-on = "never" in gpsfsm.toml\n'
         assert said in shown(["check", "a.xml"], capsys)
 
     def test_what_takes_nothing_away_is_not_told(
@@ -299,9 +299,9 @@ class TestCommentsInAPlan:
         for command in ("check", "fix"):
             assert main([command, "a.xml"]) == 1
             out, err = capsys.readouterr()
-            assert "--allow-suppressions lets them" in err
+            assert "--allow-suppressions changes that" in err
             assert main([command, "a.xml", "--allow-suppressions"]) == 0
-            assert "let pass by --allow-suppressions" in "".join(capsys.readouterr())
+            assert "excused by --allow-suppressions" in "".join(capsys.readouterr())
         assert main(["check", "a.xml"]) == 1
         out = capsys.readouterr().out
         assert ": suppressed error GP307 recovery-without-predecessor: " in out
@@ -322,7 +322,7 @@ class TestCommentsInAPlan:
         write(tmp_path, a=EXCUSED)
         configure("allow-suppressions = true")
         out = shown(["check", "a.xml", "--quiet"], capsys)
-        assert "let pass by allow-suppressions = true in gpsfsm.toml" in out
+        assert "excused by allow-suppressions = true in gpsfsm.toml" in out
         assert main(["check", "a.xml", "--no-allow-suppressions"]) == 1
         assert main(["fix", "a.xml", "--diff"]) == 1
         assert main(["gate", "a.xml"]) == 1

@@ -129,7 +129,7 @@ def test_an_assumption_that_neither_plan_has_a_runner_for_is_told(
 @pytest.mark.parametrize(
     ("assumption", "message"),
     [
-        ("line 3 fails", "gpsfsm: a.xml: line 3 holds no runner"),
+        ("line 3 fails", "gpsfsm: a.xml: line 3 contains no runner"),
         ("WaypointRunner flies", "gpsfsm: expected what happens"),
         ("line 4 fails and line 4 succeeds", "gpsfsm: a.xml: the assumptions and options admit no"),
     ],
@@ -195,7 +195,7 @@ def test_a_plan_with_errors_is_not_compared(
     out, err = capsys.readouterr()
     assert out == ""
     assert "b.xml:2:3: error GP107" in err
-    assert "gpsfsm: b.xml: the text has errors; it is not clear what the plan does" in err
+    assert "gpsfsm: b.xml: the text has errors, so the plan is ambiguous; fix them first" in err
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ def test_a_text_that_cannot_be_sent_whole_is_refused(
 ) -> None:
     file = tmp_path / "plan.xml"
     for content, why in (
-        (b"<Plan>\xff</Plan>", "byte 7 is no UTF-8"),
+        (b"<Plan>\xff</Plan>", "byte 7 is not UTF-8"),
         (b"<Plan>\0</Plan>", "U+0000"),
     ):
         file.write_bytes(content)
@@ -69,7 +69,7 @@ def test_options_that_make_no_sense_are_refused(
         assert why in capsys.readouterr().err
     if words[0] == "ros":
         assert main([*words, "--private", "/"]) == 2
-        assert "'/' is no name of ROS 2" in capsys.readouterr().err
+        assert "'/' is not a valid ROS 2 name" in capsys.readouterr().err
 
 
 def test_help_loads_neither_rclpy_nor_the_analyses() -> None:

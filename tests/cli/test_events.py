@@ -186,7 +186,7 @@ def test_a_real_run_that_was_killed(tmp_path: Path) -> None:
     done = run("resume", "run.db", "--real", "--allow-host", "robot", cwd=tmp_path)
     assert done.returncode == 0
     lines = done.stdout.decode().splitlines()
-    assert lines[0].endswith("the run goes on in another process")
+    assert lines[0].endswith("the run continues in another process")
     assert "WaitRunner (seconds=1) is asked again" in lines[1]
     assert lines[-1].endswith(": 2 started, 2 succeeded, 0 failed")
     assert run("replay", "run.db", cwd=tmp_path).returncode == 0
@@ -341,7 +341,7 @@ def test_the_queue_as_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert all("wall_us" in json.loads(line) for line in walled.splitlines())
     for other in (["--list"], ["--format", "svg"]):
         told = shown("events", "run.db", "--queue", *other, capsys=capsys, code=2)
-        assert f"--queue and {' '.join(other)} exclude each other" in told
+        assert f"--queue and {' '.join(other)} cannot be used together" in told
 
 
 def test_a_journal_without_a_queue(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

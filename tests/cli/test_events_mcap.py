@@ -56,7 +56,7 @@ def test_a_file_and_a_pipe_get_the_same_bytes(capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize("other", ["--list", "--queue"])
 def test_a_recording_is_of_a_run(other: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*COMMAND, other, "--output-file", "run.mcap"]) == 2
-    assert capsys.readouterr().err == f"gpsfsm: {other} and --format mcap exclude each other\n"
+    assert capsys.readouterr().err == f"gpsfsm: {other} and --format mcap cannot be used together\n"
     assert not Path("run.mcap").exists()
 
 
@@ -68,7 +68,7 @@ def test_no_bytes_go_to_a_terminal(
     out, err = capsys.readouterr()
     assert (out, err) == (
         "",
-        "gpsfsm: --format mcap is no text; name a file with --output-file\n",
+        "gpsfsm: --format mcap is binary; name a file with --output\n",
     )
     assert main([*COMMAND, "--output-file", "run.mcap"]) == 0
 

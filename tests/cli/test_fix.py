@@ -15,8 +15,8 @@ from tests.cli.support import ACCEPTED, REJECTED, environment, run, runner, writ
 
 _DAMAGED = ACCEPTED.replace('"2"', "2").replace("<Plan>", '<Plan speed="3">')
 _TOLD = (
-    "a.xml:1: GP112 'speed' without effect removed\n"
-    "a.xml:2: GP101 <Runner> spelt right\n"
+    "a.xml:1: GP112 ineffective 'speed' removed\n"
+    "a.xml:2: GP101 syntax of <Runner> corrected\n"
     "2 fixes in 1 plan; findings: 3 before, 1 after\n"
 )
 
@@ -49,13 +49,15 @@ def test_what_remains_is_told(tmp_path: Path) -> None:
     done = run("fix", "a.xml", cwd=tmp_path)
     assert done.returncode == 1
     told = done.stdout.decode()
-    assert told.startswith("a.xml: 1 more fix may help: --unsafe-fixes\na.xml:2:3: error GP307")
+    assert told.startswith(
+        "a.xml: 1 more fix is possible with --unsafe-fixes\na.xml:2:3: error GP307"
+    )
     assert told.endswith("nothing to fix; 1 finding remains\n")
     assert _read("a.xml") == REJECTED
     done = run("fix", "a.xml", "--unsafe-fixes", cwd=tmp_path)
     assert done.returncode == 0
     assert (
-        b"a.xml:2: GP307 goal taken out of a recovery that guards nothing (unsafe)" in done.stdout
+        b"a.xml:2: GP307 goal moved out of a recovery that guards nothing (unsafe)" in done.stdout
     )
     assert _read("a.xml") == ACCEPTED
 
@@ -80,7 +82,7 @@ def test_standard_input_goes_to_standard_output(tmp_path: Path) -> None:
     for more in ((), ("--from-response",)):
         done = run("fix", "-", *more, cwd=tmp_path, stdin=answer.encode())
         assert (done.returncode, done.stdout.decode()) == (0, ACCEPTED)
-        assert b"plan taken out of the text around it" in done.stderr
+        assert b"plan extracted from the text around it" in done.stderr
     latin = '<?xml version="1.0" encoding="latin1"?>\n' + _DAMAGED.replace(
         "<Plan", "<!-- \xe9 --><Plan"
     )
@@ -112,8 +114,10 @@ def test_folders_and_links(tmp_path: Path) -> None:
 def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
     write(tmp_path, a=_DAMAGED)
     os.mkfifo("pipe.xml")
-    done = run("fix", "none.xml", "pipe.xml", "a.xml", cwd=tmp_path)
+    Path("empty").mkdir()
+    done = run("fix", "none.xml", "pipe.xml", "empty", "a.xml", cwd=tmp_path)
     assert done.returncode == 2
+    assert b"empty: error GP901 unreadable-input: is a folder without any *.xml" in done.stdout
     assert b"none.xml" in done.stdout
     assert b"is not a regular file" in done.stdout
     assert _read("a.xml") == ACCEPTED
@@ -126,6 +130,7 @@ def test_a_file_that_is_read_only_stays(tmp_path: Path) -> None:
     done = run("fix", "a.xml", cwd=tmp_path)
     assert done.returncode == 2
     assert b"gpsfsm: a.xml: cannot write: the file is read-only" in done.stderr
+    assert done.stdout.endswith(b" after; not written: 1 plan\n")
     assert _read("a.xml") == _DAMAGED
     assert run("fix", "a.xml", "-o", "b.xml", cwd=tmp_path).returncode == 0
     assert _read("b.xml") == ACCEPTED
@@ -184,8 +189,8 @@ def test_what_cannot_be_written_stays_as_it_was(tmp_path: Path) -> None:
     ("words", "message"),
     [
         ((), "no plan is given"),
-        (("a.xml", "b.xml", "-o", "c.xml"), "--output-file takes one plan"),
-        (("a.xml", "--diff", "-o", "c.xml"), "--diff writes no plan"),
+        (("a.xml", "b.xml", "-o", "c.xml"), "--output accepts only one plan"),
+        (("a.xml", "--diff", "-o", "c.xml"), "--diff, which writes no plan"),
         (("a.xml", "-"), "standard input is fixed to standard output"),
         (("a.xml", "--select", "GP999"), "no rule matches 'GP999'"),
         (("a.xml", "-o", "no/such/folder.xml"), "its folder does not exist"),
@@ -228,7 +233,7 @@ def test_check_fixes_and_reports_the_rest(tmp_path: Path) -> None:
     done = run("check", "--fix", "--unsafe-fixes", "--format", "json", "b.xml", cwd=tmp_path)
     assert done.returncode == 0
     assert b'"GP307"' not in done.stdout
-    assert b"b.xml:2: GP307 goal taken out" in done.stderr
+    assert b"b.xml:2: GP307 goal moved out" in done.stderr
     assert _read("b.xml") == ACCEPTED
 
 
@@ -269,11 +274,14 @@ def test_it_is_told_whether_the_plan_does_the_same(tmp_path: Path) -> None:
     write(tmp_path, a=ACCEPTED.replace("<Plan>", '<Plan speed="3">'), b=REJECTED)
     done = run("fix", "a.xml", cwd=tmp_path)
     assert done.stdout.decode().splitlines()[:2] == [
-        "a.xml:1: GP112 'speed' without effect removed",
-        "a.xml: the same behaviour as before, in every scenario",
+        "a.xml:1: GP112 ineffective 'speed' removed",
+        "a.xml: behaviour unchanged in every scenario",
     ]
     done = run("fix", "--unsafe-fixes", "b.xml", cwd=tmp_path)
-    assert b"b.xml: another behaviour than before; gpsfsm diff shows where they part" in done.stdout
+    assert (
+        b"b.xml: behaviour changed; 'gpsfsm diff' shows where the old and the new plan differ"
+        in done.stdout
+    )
 
 
 def test_unsafe_fixes_alone_are_refused(tmp_path: Path) -> None:

@@ -55,8 +55,8 @@ def test_the_field_holds_the_repaired_plan(
     assert second == good
     assert json.loads(third) == {"plan": ACCEPTED}
     told = err.splitlines()
-    assert told[0] == "answers.jsonl:1:3: GP115 plan taken out of the text around it"
-    assert "answers.jsonl:3:2: GP101 <Runner> spelt right" in told
+    assert told[0] == "answers.jsonl:1:3: GP115 plan extracted from the text around it"
+    assert "answers.jsonl:3:2: GP101 syntax of <Runner> corrected" in told
     assert file.read_bytes() == before
 
 
@@ -170,7 +170,7 @@ def test_answers_go_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     other = lines(tmp_path, {"plan": DAMAGED}, name="b.jsonl")
     (tmp_path / "a.xml").write_text(DAMAGED)
     assert main(["fix", str(file), str(other)]) == 2
-    assert "holds answers, which are fixed to standard output, so it goes alone" in (
+    assert "holds answers, which are fixed to standard output, so it must be the only" in (
         capsys.readouterr().err
     )
     assert main(["fix", str(file), str(tmp_path / "a.xml"), "--from-response"]) == 2

@@ -71,7 +71,10 @@ def test_what_is_found_is_told_like_a_finding(capsys: pytest.CaptureFixture[str]
     told = "A at line 2 column 32 is still active when the plan completes"
     assert first == f"orphan.xml:2:32: warning fuzz no-orphan: {told}"
     assert "   | (element /Plan/Control[1]/Runner[1])\n" in out
-    assert "= scenario (ends COMPLETED):\n     1. 0 s: A at line 2 column 32 starts\n" in out
+    assert (
+        "= scenario in which the plan completes:\n     1. 0 s: A at line 2 column 32 starts\n"
+        in out
+    )
     assert "1 s: the plan completes\n" in out
     holds = "when the plan completes, no runner is active any more"
     assert last == f"  broken (2 kinds): no-orphan, {holds}"
@@ -174,17 +177,17 @@ def test_mutants(capsys: pytest.CaptureFixture[str]) -> None:
         (("safe.xml", "--property", "no_such:f"), "cannot be imported"),
         (("safe.xml", "--task", "missing.yaml"), "missing.yaml"),
         (("safe.xml", "--select", "GP3"), "--select needs --mutate"),
-        (("safe.xml", "--mutate", "--faults", "hang"), "--faults and --mutate contradict"),
+        (("safe.xml", "--mutate", "--faults", "hang"), "--faults and --mutate cannot be used"),
         (("safe.xml", "--mutate", "--select", "GP999"), "GP999"),
         (("safe.xml", "--timeout", "nan"), "'--timeout': nan is not a finite number"),
         (("safe.xml", "--corpus", ""), "--corpus needs a name"),
         (("--replay", "missing.json"), "missing.json: cannot be read"),
-        (("--replay", "mine.py"), "mine.py: is no JSON"),
-        (("safe.xml", "--replay", "mine.py", "--runs", "3"), "--runs has no meaning with --replay"),
-        (("--replay", "mine.py", "--jobs", "2"), "--jobs has no meaning with --replay"),
-        (("safe.xml", "--jobs", "many"), "there are no jobs 'many'"),
+        (("--replay", "mine.py"), "mine.py:2:1: is not JSON"),
+        (("safe.xml", "--replay", "mine.py", "--runs", "3"), "--runs cannot be used with --replay"),
+        (("--replay", "mine.py", "--jobs", "2"), "--jobs cannot be used with --replay"),
+        (("safe.xml", "--jobs", "many"), "'many' is not a value of --jobs"),
         (("safe.xml", "--engine", "fabric-v1"), "not as fabric-v1 does"),
-        (("safe.xml", "--assume", "line 7 fails"), "line 7 holds no runner"),
+        (("safe.xml", "--assume", "line 7 fails"), "line 7 contains no runner"),
         (("safe.xml", "--assume", "A fails and not A fails"), "admit no scenario"),
         (
             ("safe.xml", "--assume", "A fails iff B succeeds", "--assume", "all * succeed"),
@@ -245,7 +248,7 @@ def test_assumptions_make_mutants_equal(capsys: pytest.CaptureFixture[str]) -> N
 def test_an_engine_of_the_settings_is_not_passed_over(capsys: pytest.CaptureFixture[str]) -> None:
     Path("gpsfsm.toml").write_text('engine = "fabric-v2"\n')
     told = complained("safe.xml", capsys=capsys)
-    assert "fuzz runs plans as the paper says, not as fabric-v2 does" in told
+    assert "fuzz runs plans by the paper's semantics, not as fabric-v2 does" in told
     said("safe.xml", "--engine", "paper", "--runs", "3", capsys=capsys, code=0)
 
 
@@ -258,7 +261,7 @@ def test_standard_input_and_the_help() -> None:
     done = run("fuzz", "-", "--runs", "5", stdin=SAFE.encode())
     assert done.returncode == 0
     assert done.stdout.startswith(b"<stdin>: 5 runs, seed 0\n")
-    assert b"Run the plan in PATH very often" in run("fuzz", "--help").stdout
+    assert b"Run the plan in PATH many times" in run("fuzz", "--help").stdout
 
 
 def test_a_progress_bar_is_shown_on_a_terminal_only(tmp_path: Path) -> None:

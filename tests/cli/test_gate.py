@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -94,7 +95,7 @@ def test_what_takes_too_long_is_refused_and_the_others_are_decided(
 ) -> None:
     write(tmp_path, a=HUGE, b="<Plan>", c="<Plan")
     told = gate("a.xml", "--budget-ms", "1", capsys=capsys, code=2)
-    line = "a.xml: undecided: inconclusive: it is undecided after 1 ms (--budget-ms)"
+    line = "a.xml: undecided: inconclusive: the plan is undecided after 1 ms (--budget-ms)"
     assert line in told.splitlines()
     told = gate(".", "--budget-ms", "400", capsys=capsys, code=2)
     assert "a.xml: undecided: inconclusive" in told
@@ -166,11 +167,28 @@ def test_a_configuration_file_that_is_named_counts(
 
 
 @pytest.mark.usefixtures("here")
+def test_a_file_that_may_not_be_read_does_not_keep_others_from_being_decided(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Reading tells why it fails; the command line must not refuse all paths for one."""
+    write(tmp_path, a=ACCEPTED, b=ACCEPTED)
+    (tmp_path / "b.xml").chmod(0)
+    monkeypatch.setattr(os, "access", lambda *_, **__: False)
+    if os.geteuid() == 0:  # who may read everything
+        assert gate("a.xml", "b.xml", capsys=capsys).endswith("2 plans: 2 accepted\n")
+        return
+    told = gate("a.xml", "b.xml", capsys=capsys, code=2)
+    assert f"a.xml: {ALONE}\n" in told
+    assert "b.xml: undecided: unreadable: cannot be read: Permission denied\n" in told
+
+
+@pytest.mark.usefixtures("here")
 def test_behaviour_trees_are_refused_unless_allowed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path, t='<root BTCPP_format="4"><BehaviorTree ID="a"><Go/></BehaviorTree></root>')
-    gate("t.xml", capsys=capsys, code=1)
+    assert main(["gate", "t.xml"]) == 1
+    assert "; with --allow-trees, it decides them" in capsys.readouterr().err
     assert gate("t.xml", "--allow-trees", capsys=capsys) == f"t.xml: {ALONE}\n"
 
 
@@ -332,8 +350,8 @@ def test_what_is_no_receipt_accepts_nothing(
     gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=2, errors=True)
     if content.endswith('"plans": []}'):
         told = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=2, errors=True)
-        assert "version 1 is of an earlier gpsfsm" in told
-        assert "decide anew with 'gpsfsm gate --format json'" in told
+        assert "version 1, of an earlier gpsfsm" in told
+        assert "decide again with 'gpsfsm gate --format json'" in told
     Path("receipt.json").write_text('{"version": 2, "plans": []}', "utf-8")
     told = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=1)
     assert told == "a.xml: not as accepted: no plan was accepted\n"

@@ -72,7 +72,7 @@ def test_without_a_plan_the_best_answer_is_shown_and_nothing_comes_out() -> None
     code, out, err = generate("--model", replay(BROKEN, REJECTED, PROSE))
     assert (code, out) == (1, "")
     assert "\nno plan: no plan was accepted in 3 attempts (3 answers)\n" in err
-    assert "the best answer, of attempt 2:\n\nYour plan was rejected: 1 error" in err
+    assert "the best answer, from attempt 2:\n\nYour plan was rejected: 1 error" in err
     assert err.endswith(f"its plan, which was not accepted:\n\n{REJECTED}")
     assert "\x1b" not in err
     assert "\x9b" not in err
@@ -247,7 +247,7 @@ def test_it_is_recorded_whether_a_grammar_was_heeded(heeds: bool, recorded: str 
     ("arguments", "message"),
     [
         ((), "gpsfsm: no model is named: use --model, GPSFSM_MODEL or [tool.gpsfsm.model]."),
-        (("--model", "replay:absent.jsonl"), "absent.jsonl: is no file with recorded answers"),
+        (("--model", "replay:absent.jsonl"), "absent.jsonl: is not a file with recorded answers"),
         (("--model", "vllm:m", "--base-url", "http://127.0.0.1:9", "--retries", "0"), "no one an"),
         (("--model", "replay:one.jsonl", "-o", "absent/plan.xml"), "absent"),
         (("--model", "replay:one.jsonl", "--journal", "absent/run.db"), "--journal FILE keeps"),
@@ -267,7 +267,7 @@ def test_a_model_that_does_not_answer_any_more() -> None:
     code, out, err = generate("--model", replay(REJECTED, {"error": "the server is gone"}))
     assert (code, out) == (1, "")
     assert "attempt 2: replay:answers.jsonl: the server is gone\n" in err
-    assert "the best answer, of attempt 1:" in err
+    assert "the best answer, from attempt 1:" in err
 
 
 @pytest.mark.parametrize("provider", ["openai-compatible", "ollama"])
@@ -346,7 +346,7 @@ def test_what_was_answered_before_it_was_stopped_is_kept(signum: signal.Signals)
     assert b"Traceback" not in err
     if signum is signal.SIGINT:
         assert process.returncode == 130
-        assert err.endswith(b"stopped; what was answered is in gpsfsm.db\n")
+        assert err.endswith(b"stopped; the answers are in gpsfsm.db\n")
     (session,) = kept()
     assert session["interrupted"]
     assert [each["plan"] for each in session["attempts"]] == [REJECTED.strip()]

@@ -111,7 +111,7 @@ def test_grades_as_json_lines(
     assert humans == [None, "success", "failed"]
     assert done.err.startswith("agreement with the labels: 1 of 2")
     assert main([*base, "--format", "jsonl", "--by", "folder"]) == 2
-    assert "--by is about tables" in capsys.readouterr().err
+    assert "--by cannot be used with jsonl" in capsys.readouterr().err
 
 
 def test_each_line_comes_as_soon_as_its_grade(capsys: pytest.CaptureFixture[str]) -> None:
@@ -151,7 +151,7 @@ def test_what_cannot_be_read_ends_in_a_message(tmp_path: Path) -> None:
     assert (done.returncode, b"none.yaml" in done.stderr) == (2, True)
     done = run("grade", "answers", "--task", "task.yaml", "--labels", "labels.csv", cwd=tmp_path)
     assert done.returncode == 2
-    assert b"labels.csv:2: 'excellent' is no grade; write S, P or F" in done.stderr
+    assert b"labels.csv:2: 'excellent' is not a grade; write S, P or F" in done.stderr
     done = run("grade", "missing.xml", "--task", "task.yaml", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stdout.decode().startswith("undecided  missing.xml\n           not read: ")

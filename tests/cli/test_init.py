@@ -26,14 +26,17 @@ def test_what_it_writes_is_used(capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert main(["check", "a.xml"]) == 1
     printed = capsys.readouterr().out
-    assert 'x="1000000" is not allowed: WaypointRunner takes -10 to 10 there' in printed
+    assert 'x="1000000" is not allowed: WaypointRunner accepts -10 to 10' in printed
     assert "note: decided with robot = " in printed
 
 
 def test_it_replaces_nothing_unless_forced(capsys: pytest.CaptureFixture[str]) -> None:
     Path("gpsfsm.toml").write_text("quiet = true\n")
     assert main(INIT) == 2
-    assert "gpsfsm.toml: there already; --force replaces files" in capsys.readouterr().err
+    assert (
+        "gpsfsm: gpsfsm.toml would be overwritten; use --force to do so\n"
+        in capsys.readouterr().err
+    )
     assert not Path("robot.yaml").exists()
     assert main([*INIT, "--force"]) == 0
 
@@ -42,6 +45,12 @@ def test_what_would_not_fit_is_not_written(capsys: pytest.CaptureFixture[str]) -
     assert main(["init", "--yes", "--runner", WAYPOINT[:-1]]) == 2
     assert "did you mean" in capsys.readouterr().err
     assert list(Path().iterdir()) == []
+
+
+def test_that_it_cannot_be_written_names_the_profile(capsys: pytest.CaptureFixture[str]) -> None:
+    Path(".robot.yaml.draft").mkdir()
+    assert main(INIT) == 2
+    assert capsys.readouterr().err == "gpsfsm: cannot write robot.yaml: Is a directory\n"
 
 
 def test_the_command_line_goes_over_the_file_over_the_profile(

@@ -16,7 +16,7 @@ from gpsfsm.checking.inputs import find_inputs
 from gpsfsm.cli import main
 from gpsfsm.errors import UsageError
 from gpsfsm.model.report import PlanReport, Report, Verdict
-from gpsfsm.workers.known.processes import Processes
+from gpsfsm.workers.builtin.processes import Processes
 from gpsfsm.workers.pool_worker import Worker, available_cores
 from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, write
 from tests.workers.works import killed_with_it_in_hand
@@ -156,7 +156,7 @@ def test_grades_do_not_depend_on_jobs(tmp_path: Path) -> None:
 def test_jobs_that_there_are_not(capsys: pytest.CaptureFixture[str]) -> None:
     for jobs in ("rax", "ray:1", "2.5"):
         assert main(["check", "a.xml", "--jobs", jobs]) == 2
-        assert "possible are: 1 for this process; a number of" in capsys.readouterr().err
+        assert "write 1 for this process; a number of" in capsys.readouterr().err
 
 
 def test_available_cores() -> None:

@@ -205,16 +205,16 @@ def test_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert said("gate", "loop.json", capsys=capsys, code=0) == accepted
     assert "rejected: findings" in said("gate", "stuck.json", capsys=capsys, code=1)
     for options, reason in (
-        (["--engine", "fabric-v2"], "a machine is not checked for fabric-v2"),
-        (["--deadline", "60"], "a machine is undecided under --deadline"),
-        (["--energy-limit", "60"], "a machine is undecided under --energy-limit"),
-        (["--faults", "no-start"], "a machine is undecided under --faults no-start"),
+        (["--engine", "fabric-v2"], "a machine cannot be checked for fabric-v2"),
+        (["--deadline", "60"], "a machine cannot be decided under --deadline"),
+        (["--energy-limit", "60"], "a machine cannot be decided under --energy-limit"),
+        (["--faults", "no-start"], "a machine cannot be decided under --faults no-start"),
     ):
         out = said("gate", "loop.json", *options, capsys=capsys, code=2)
         assert f"undecided: inconclusive: {reason}" in out
     (tmp_path / "task.yaml").write_text(TASK)
     out = said("gate", "loop.json", "--task", "task.yaml", capsys=capsys, code=2)
-    assert "undecided: inconclusive: a machine is not checked against a task" in out
+    assert "undecided: inconclusive: a machine cannot be checked against a task" in out
 
 
 def test_receipts_say_that_it_is_a_machine(capsys: pytest.CaptureFixture[str]) -> None:
@@ -257,7 +257,7 @@ def test_fuzz(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["--faults", "no-start"], "runners of a machine always start"),
         (["--consistent"], "outcomes are chosen at each visit"),
-        (["--mutate", "--max-visits", "3"], "--max-visits and --mutate contradict each other"),
+        (["--mutate", "--max-visits", "3"], "--max-visits and --mutate cannot be used together"),
         (["--max-visits", "0"], "max-visits"),
     ],
 )

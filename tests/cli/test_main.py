@@ -25,10 +25,12 @@ COMMANDS = (
         "attempts",
         "capabilities",
         "check",
+        "completion",
         "convert",
         "diff",
         "dispatch",
         "events",
+        "explain",
         "fix",
         "fuzz",
         "gate",
@@ -44,7 +46,6 @@ COMMANDS = (
         "replay",
         "resume",
         "ros",
-        "rule",
         "run",
         "serve",
     ),
@@ -53,7 +54,7 @@ COMMANDS = (
 
 
 def test_version() -> None:
-    for option in ("-v", "--version"):
+    for option in ("-v", "-V", "--version"):
         done = run(option)
         assert (done.returncode, done.stdout) == (0, f"gpsfsm {gpsfsm.__version__}\n".encode())
 
@@ -88,7 +89,7 @@ def test_help_loads_nothing_heavy() -> None:
         ["capabilities", "list", "--help"],
         ["capabilities", "show", "--help"],
         ["capabilities", "check", "--help"],
-        ["rule", "GP302"],
+        ["explain", "GP302"],
     )
     program = (
         f"import sys; from gpsfsm.cli import main; codes = [main(words) for words in {commands}]; "
@@ -124,7 +125,16 @@ def test_check_loads_the_graph_library_but_no_settings(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["chek"], "there is no command 'chek'; did you mean 'check'?"),
+        (["chek", "a.xml"], "there is no command 'chek'; did you mean: gpsfsm check a.xml"),
+        (["lint", "a.xml"], "there is no command 'lint'; did you mean: gpsfsm check a.xml"),
+        (["rules"], "did you mean: gpsfsm explain"),
+        (["version"], "for the version: gpsfsm --version"),
+        (["check", "a.xml", "-o", "a.html"], "; for a page: gpsfsm view"),
+        (["show", "a.xml", "-o", "a.png"], "a.png: png is none of the formats tree, dot, "),
+        (["help", "check"], "for help: gpsfsm check --help"),
+        (["help"], "for help: gpsfsm COMMAND --help"),
+        (["gp303"], "to explain a rule: gpsfsm explain GP303"),
+        (["check", "--hlep"], "--help"),
         (["plan.xml"], "to check a plan: gpsfsm check plan.xml"),
         (["xyzzy"], f"the commands are {', '.join(COMMANDS)}"),
         (["check"], "Example:\n  gpsfsm check plan.xml"),
@@ -139,7 +149,7 @@ def test_check_loads_the_graph_library_but_no_settings(tmp_path: Path) -> None:
         (["check", "a.xml", "--faults", "melt"], "there is no fault model 'melt'"),
         (["check", "a.xml", "--format", "xlsx"], "there is no format 'xlsx'"),
         (["check", "a.xml", "--assume", "never"], "^"),
-        (["check", "a.xml", "--config", "a.toml", "--isolated"], "contradict each other"),
+        (["check", "a.xml", "--config", "a.toml", "--isolated"], "cannot be used together"),
     ],
 )
 def test_misuse_is_a_message(

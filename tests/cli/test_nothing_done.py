@@ -82,7 +82,8 @@ NOTHING = {
     "replay": ("replay", "replay empty.db", "replay tables.db", "replay bare.db"),
     "resume": ("resume", "resume none.db", "resume empty.db", "resume tables.db"),
     "ros": ("ros", "ros gate"),
-    "rule": ("rule GP999", "rule ''"),
+    "completion": ("completion", "completion tcsh"),
+    "explain": ("explain GP999", "explain ''"),
     "run": ("run", "run folder", "run no*.xml", "run broken.xml"),
     "serve": ("serve --journal folder", "serve --port x"),
     "show": ("show", "show folder", "show none.xml"),
@@ -111,7 +112,8 @@ SOMETHING = {
     "replay": "replay run.db",
     "resume": "resume cut.db",
     "ros": "ros gate --help",
-    "rule": "rule GP302",
+    "completion": "completion bash",
+    "explain": "explain GP302",
     "run": "run a.xml --failure 0",
     "serve": "serve --help",
     "show": "show a.xml",
@@ -188,7 +190,7 @@ def test_what_could_not_be_written_is_no_success(line: str, folder: Path, tmp_pa
 def test_a_run_goes_on_without_its_lines_and_says_so(how: str, folder: Path) -> None:
     done = shell(f"$GPSFSM run good.xml good.xml {how} --journal lost.db >/dev/full", folder)
     assert done.returncode == 2
-    assert b"the run goes on" in done.stderr
+    assert b"the run continues" in done.stderr
     told = shell("$GPSFSM events lost.db --list; rm lost.db*", folder)
     assert told.stdout.count(b"COMPLETED") == 2
 
@@ -202,6 +204,6 @@ def test_a_reader_that_has_read_enough_loses_nothing(folder: Path) -> None:
 
 def test_losses_are_those_of_one_command(capsys: pytest.CaptureFixture[str]) -> None:
     lose(Stream.ERR)
-    assert main(["rule", "GP302"]) == 0
+    assert main(["explain", "GP302"]) == 0
     assert losses() == frozenset()
     assert "GP302" in capsys.readouterr().out

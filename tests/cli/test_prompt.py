@@ -59,14 +59,14 @@ def test_the_task_can_come_from_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "there is no task: say in quotes what the robot is to do"),
+        ((), "there is no task: describe in quotes what the robot should do"),
         ((" ",), "there is no task"),
         (("go", "--task-file", "task.txt"), "give the task or --task-file, not both"),
         (("--task-file", "absent.txt"), "absent.txt: cannot be read: No such file"),
         (("--task-file", "empty.txt"), "empty.txt: is empty"),
         (("--task-file", "latin.txt"), "latin.txt: is not UTF-8 text (byte 2)"),
         (("go", "--interface", "fly"), "no capability matches 'fly'"),
-        (("go", "--example", "broken.xml"), "broken.xml:2:3: this example is no good plan: "),
+        (("go", "--example", "broken.xml"), "broken.xml:2:3: this example is not a correct plan: "),
         (("go", "--context", "300", "--max-tokens", "200"), "use a model with a longer context"),
         (("go", "--world", "absent.yaml"), "absent.yaml"),
         (("go", "--no-builtin-capabilities"), "there is no capability to offer"),

@@ -199,9 +199,9 @@ def test_a_forced_run_is_forced_again(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "--force needs --real" in refused(file, "--force", capsys=capsys)
     told = refused(file, "--real", capsys=capsys, code=1)
     assert "GP205" in told
-    assert "the plan has errors, so it is not run; --force runs it nevertheless" in told
+    assert "the plan has errors, so it is not run; --force runs it anyway" in told
     done = run("resume", file, "--real", "--force", cwd=tmp_path)
-    assert b"the run goes on in another process" in done.stdout
+    assert b"the run continues in another process" in done.stdout
     assert "forced in spite of" in str(content(file)[0])
 
 

@@ -90,7 +90,7 @@ def test_a_plan_with_errors_is_refused(tmp_path: Path, capsys: pytest.CaptureFix
     out, err = ran("a.xml", "--journal", "run.db", capsys=capsys, code=1)
     assert out == ""
     assert "a.xml:2:3: error GP307" in err
-    assert "it is not run; --force runs it nevertheless" in err
+    assert "it is not run; --force runs it anyway" in err
     assert not (tmp_path / "run.db").exists()
     assert "error GP1" in ran("b.xml", capsys=capsys, code=1)[1]
     assert "there is no plan that could be run" in ran("b.xml", "--force", capsys=capsys, code=2)[1]
@@ -157,13 +157,13 @@ def test_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--world", "a", "--real"], "--world and --real contradict each other"),
-        (["--scenario", "a", "--real"], "--scenario and --real contradict each other"),
+        (["--world", "a", "--real"], "--world and --real cannot be used together"),
+        (["--scenario", "a", "--real"], "--scenario and --real cannot be used together"),
         (["--finding", "1"], "--finding needs --scenario"),
         (["--via", "capabilities2"], "--via needs --real"),
         (["--real", "--via", "fabric"], "'fabric' is not"),
-        (["--failure", "0.5", "--real"], "--failure has no meaning with --real"),
-        (["--speed", "2", "--real"], "--real and --speed contradict each other"),
+        (["--failure", "0.5", "--real"], "--failure cannot be used with --real"),
+        (["--speed", "2", "--real"], "--real and --speed cannot be used together"),
         (["--allow-program", "ls"], "--allow-program needs --real"),
         (["--failure", "2"], "--failure"),
         (["--speed", "0"], "--speed"),

@@ -61,10 +61,10 @@ def test_space_pauses_and_goes_on_and_q_cancels(how: list[str], tmp_path: Path) 
         terminal.until(SPACE_PAUSES)
         assert terminal.is_raw
         terminal.type("x\x1b[A ")
-        terminal.until("paused: space goes on, q cancels")
-        terminal.until("is held until the run goes on")
+        terminal.until("paused: space continues, q cancels")
+        terminal.until("is held until the run continues")
         terminal.type(" ")
-        terminal.until("the run goes on")
+        terminal.until("the run continues")
         terminal.until(SPACE_PAUSES)
         terminal.type("qqq")  # held down: it is no second Ctrl-C
         assert terminal.ended() == 130
@@ -232,7 +232,7 @@ def test_a_run_that_was_killed_while_it_paused_goes_on(how: list[str], tmp_path:
     with Terminal(command, tmp_path) as terminal:
         terminal.until(SPACE_PAUSES)
         terminal.type(" ")
-        terminal.until("is held until the run goes on")
+        terminal.until("is held until the run continues")
         os.kill(terminal.pid, signal.SIGKILL)
         assert terminal.ended() == -signal.SIGKILL
     done = run("resume", "run.db", *(["--real"] if "--real" in how else []), cwd=tmp_path)

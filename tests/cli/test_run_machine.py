@@ -89,7 +89,7 @@ def test_real_runners_of_a_machine_act_and_are_stopped(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--engine", "fabric-v2"), b"a machine is not run as an engine would run it"),
+        (("--engine", "fabric-v2"), b"a machine cannot be run as an engine would run it"),
         (("--world", "w.yaml", "--model", "ollama:m"), b"a language model continues plans"),
     ],
 )

@@ -178,5 +178,5 @@ def test_nothing_is_done_by_a_plan_without_a_step(
     write(tmp_path, a="<Plan/>")
     assert "empty" in told("gate", "a.xml", capsys=capsys, code=1)
     found = told("run", "a.xml", capsys=capsys, code=1)
-    assert "a.xml: the plan has no step in which anything is done, so it is not run" in found
+    assert "a.xml: the plan has no step that does anything, so it is not run; --force" in found
     assert "forced although" in told("run", "a.xml", "--force", capsys=capsys, code=0)

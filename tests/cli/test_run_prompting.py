@@ -107,7 +107,10 @@ def test_a_simulation_asks_only_who_is_named_on_the_command_line(tmp_path: Path)
     ("arguments", "message"),
     [
         (("--real",), b"prompt_capabilities/PromptTextRunner asks a language model; name one with"),
-        (("--model", "replay:no.jsonl", "--world", WORLD), b"no.jsonl: is no file with recorded"),
+        (
+            ("--model", "replay:no.jsonl", "--world", WORLD),
+            b"no.jsonl: is not a file with recorded",
+        ),
         (("--model", "openai:x"), b"--model needs --world or --real"),
         (("--model", "oops:x", "--real"), b"there is no provider 'oops'"),
     ],

@@ -131,7 +131,7 @@ def test_the_worst_exit_code_counts(tmp_path: Path, capsys: pytest.CaptureFixtur
         (["a.xml", "a.xml", "--scenario", "x"], "--scenario takes one plan"),
         (["a.xml", "a.xml", "--max-plans", "1"], "more plans than --max-plans allows"),
         (["a.xml", "--bond", "3"], "--bond needs --real"),
-        (["-", "--real", "--bond", "3"], "--bond and a plan in standard input"),
+        (["-", "--real", "--bond", "3"], "--bond cannot be used with a plan on standard input"),
     ],
 )
 def test_options_that_make_no_sense(
@@ -254,7 +254,7 @@ def test_a_crash_while_real_plans_wait(tmp_path: Path) -> None:
     done = run("resume", "run.db", "--real", cwd=tmp_path)
     assert done.returncode == 0
     lines = done.stdout.decode().splitlines()
-    assert lines[0].endswith("the run goes on in another process")
+    assert lines[0].endswith("the run continues in another process")
     assert "== plan 2: b.xml" in lines
     assert lines[-1].endswith(": 1 started, 1 succeeded, 0 failed")
 

@@ -54,12 +54,12 @@ def test_a_mission_is_finished_by_the_second_plan_that_a_model_writes(
     told = [line for line in out.splitlines() if not line.startswith(" ")]
     assert told == [
         "GAVE_UP after 9.518 s: 2 started, 1 succeeded, 1 failed",
-        "plan 1 gave up; replay:answers.jsonl is asked for a plan that goes on",
+        "plan 1 gave up; replay:answers.jsonl is asked for a plan that continues it",
         "attempt 1: rejected, there is no plan in the answer; 1.5 s",
         "attempt 2: accepted; 1.5 s",
         "== plan 2, which continues plan 1",
         "GAVE_UP after 14.229 s: 2 started, 1 succeeded, 1 failed",
-        "plan 2 gave up; replay:answers.jsonl is asked for a plan that goes on",
+        "plan 2 gave up; replay:answers.jsonl is asked for a plan that continues it",
         "attempt 1: plan 2 is the same, and it gave up; 1.5 s",
         "attempt 2: accepted; 1.5 s",
         "== plan 3, which continues plan 2",
@@ -87,7 +87,7 @@ def test_it_is_one_story(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     ]
     why = "line 6  WaypointRunner (x=6.5, y=4.5) failed: no way leads to (6.5, 4.5)"
     again = "line 3  WaypointRunner (x=6.5, y=1.5) failed: no way leads to (6.5, 1.5)"
-    asked = "replay:answers.jsonl is asked for a plan that goes on"
+    asked = "replay:answers.jsonl is asked for a plan that continues it"
     assert told == [
         "plan 1 of 3 in queue 1",
         "plan 1 gave up:",
@@ -108,7 +108,7 @@ def test_it_is_one_story(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     one = shown("events", "run.db", "--run", "3", "--verify", capsys=capsys)
     assert one.startswith("plan 3 of 3 in queue 1, generated because plan 2 gave up\n")
     queue = shown("events", "run.db", "--queue", capsys=capsys)
-    assert "it is queued, to go on where plan 1 gave up" in queue
+    assert "it is queued, to continue where plan 1 gave up" in queue
     assert "attempt 1: rejected, there is no plan in the answer" in queue
     assert shown("attempts", "run.db", capsys=capsys).count("a plan was accepted") == 2
     replayed = shown("replay", "run.db", capsys=capsys)
@@ -261,7 +261,7 @@ def test_a_task_that_is_too_long_is_told_before_anything_runs(
 def test_without_a_model_the_run_ends_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     out, err = ran(MISSION, "--world", CLOSING, capsys=capsys, code=1)
     assert out.splitlines()[-1] == (
-        "No model is named (--model) that could write a plan which goes on from here."
+        "No model that could write a plan to continue from here is named (--model)."
     )
     assert err == ""
 
@@ -280,12 +280,12 @@ def test_nothing_is_asked_for_that_was_not_wanted(
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--task", "x"], "--task needs a model that is asked; name one with --model"),
-        (["--regenerations", "2"], "--regenerations needs a model that is asked"),
+        (["--task", "x"], "--task needs a model; name one with --model"),
+        (["--regenerations", "2"], "--regenerations needs a model; name one"),
         ([*MODEL, "--task", "x", "--task-file", "y"], "give the task or --task-file, not both"),
         ([*MODEL, "--task", " "], "there is no task"),
         ([*MODEL, "--regenerate-for", "nan"], "'--regenerate-for': nan is not a finite number"),
-        (["--model", "replay:gone.jsonl"], "gone.jsonl: is no file with recorded answers"),
+        (["--model", "replay:gone.jsonl"], "gone.jsonl: is not a file with recorded answers"),
     ],
 )
 def test_options_that_make_no_sense(

@@ -90,7 +90,9 @@ def test_a_scenario_that_claims_something_else(
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        ("{", "is no JSON"),
+        ("{", "s.json:1:2: is not JSON: Expecting property name"),
+        ('{"outcomes":\n oops}', "s.json:2:2: is not JSON: Expecting value"),
+        ("{\xff", "s.json: is not UTF-8 text (byte 2)"),
         ("[]", "is neither a report"),
         ("{}", "is neither a report"),
         ('{"outcomes": [{"element": 5, "outcome": "FAILED"}]}', "is neither a report"),
@@ -99,14 +101,14 @@ def test_a_scenario_that_claims_something_else(
         ('{"plans": []}', "says nothing about a.xml"),
         ('{"plans": [{"path": "b.xml", "findings": []}]}', "no finding has a scenario"),
         ('{"rule": "GP1", "scenario": null}', "has no scenario"),
-        ("[" * 100_000, "is no JSON"),
+        ("[" * 100_000, "is not JSON that can be read: it is nested too deeply"),
     ],
 )
 def test_files_that_are_no_scenarios(
     content: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path, a=f"<Plan>{runner()}</Plan>")
-    (tmp_path / "s.json").write_text(content, encoding="utf-8")
+    (tmp_path / "s.json").write_text(content, encoding="latin-1")
     assert main(["run", "a.xml", "--scenario", "s.json"]) == 2
     out, err = capsys.readouterr()
     assert out == ""

@@ -127,7 +127,7 @@ def test_a_crash_in_the_plan_that_a_real_runner_has_submitted(tmp_path: Path) ->
 def test_standard_input_holds_one_plan(tmp_path: Path) -> None:
     done = run("run", "-", "-", stdin=ACCEPTED.encode(), cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, b"")
-    assert b"standard input holds one plan" in done.stderr
+    assert b"standard input holds only one plan" in done.stderr
 
 
 # -- the process that checks ----------------------------------------------------------------------
@@ -149,7 +149,7 @@ def test_a_check_that_takes_too_long_is_ended_and_the_next_one_begins_anew() -> 
     with CheckApart(timeout_s=0.0) as apart:
         report = apart.check(ACCEPTED.encode(), "p.xml", options)
         assert report.verdict is Verdict.UNDECIDED
-        assert report.findings[0].message == "it is undecided after 0 s (time limit)"
+        assert report.findings[0].message == "the plan is undecided after 0 s (time limit)"
         assert apart._kept is not None
         assert apart._kept._worker is not None
         assert apart._kept._worker.child.exit_code() == -signal.SIGKILL

@@ -145,11 +145,14 @@ def test_a_condition_is_what_the_world_says(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("leaf", "message"),
     [
-        ('<NavigateToPose goal="{x}"/>', "nothing says what {x} is; write what it is into 'black"),
+        ('<NavigateToPose goal="{x}"/>', "the value of {x} is unknown; set it in 'black"),
         ('<NavigateToPose goal="1;2"/>', "'1;2' has other parts than those from which x comes"),
-        ('<NavigateToPose goal="a;2;0"/>', "x is a number, not 'a'; say in 'words' of the leaf"),
+        (
+            '<NavigateToPose goal="a;2;0"/>',
+            "x is a number, not 'a'; define its meaning in 'words' of the leaf",
+        ),
         ("<NavigateToPose/>", "it has no port 'goal'; write one"),
-        ('<Wait wait_duration="-1"/>', "seconds is -1, which the robot does not take"),
+        ('<Wait wait_duration="-1"/>', "seconds is -1, which the robot does not accept"),
     ],
 )
 def test_a_leaf_without_a_value_is_not_run(leaf: str, message: str, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.cli import main
-from tests.cli.support import run, runner, start, write
+from tests.cli.support import ACCEPTED, REJECTED, run, runner, start, write
 from tests.execution.journaling import opened_up
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def test_who_ends_a_run_is_told_how_to_abort_it(
         process.send_signal(command)
         _, err = process.communicate(timeout=30)
     assert err.decode() == (
-        f"gpsfsm: the run is being cancelled because of {name}; another one aborts it\n"
+        f"gpsfsm: the run is being cancelled because of {name}; a second signal aborts it\n"
     )
 
 
@@ -87,8 +87,8 @@ def test_a_journal_of_which_nothing_has_been_run(
     leave(tmp_path)
     error = told("resume", "run.db", capsys=capsys)
     assert error == (
-        "gpsfsm: run.db: no run is in it. If it is a copy, copy run.db-wal and run.db-seen to it "
-        "as well; else nothing of the plan has been run: run it again\n"
+        "gpsfsm: run.db: it contains no run. If it is a copy, copy run.db-wal and run.db-seen "
+        "as well; otherwise nothing of the plan has been run: run it again\n"
     )
     assert main(["run", "a.xml", "--failure", "0", "--journal", "run.db"]) == 0
 
@@ -156,7 +156,7 @@ def test_a_plan_that_is_no_text_is_damaged(
     error = told(command, "run.db", capsys=capsys)
     if command == "events":  # it goes on behind the first damage
         assert "run.db: the plan of run 1 is damaged" in error
-    assert "run.db: the journal is damaged: its table content is not as it was made" in error
+    assert "run.db: the journal is damaged: its table content differs" in error
     assert "Could not decode" not in error
     assert "\x1b" not in error
 
@@ -170,6 +170,31 @@ def test_text_that_is_no_text_anywhere_else_is_damage(
         assert isinstance(connection, sqlite3.Connection)
         connection.execute("UPDATE event SET message = CAST(x'ff1b' AS TEXT) WHERE seq = 5")
     capsys.readouterr()
-    assert "the journal is damaged (there is text in it that is no text)" in told(
+    assert "the journal is damaged (a text in it cannot be decoded)" in told(
         "events", "run.db", capsys=capsys
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "end"),
+    [
+        ("no plan at all", "it is not run\n"),
+        ('<Plan><Control type="odd"/></Plan>', "it is not run\n"),
+        (REJECTED, "it is not run; --force runs it anyway\n"),
+        (ACCEPTED.replace('x="1"', "x=1"), "it is not run; --force runs it anyway\n"),
+    ],
+)
+def test_force_is_offered_only_where_it_helps(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    text: str,
+    end: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, a=text)
+    assert main(["run", "a.xml"]) == 1
+    refused = capsys.readouterr().err
+    assert refused.endswith(end)
+    forced = main(["run", "a.xml", "--force", "--failure", "0"])
+    assert forced == (0 if "--force" in refused else 2)

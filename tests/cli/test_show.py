@@ -55,6 +55,35 @@ def test_standard_input_and_output_file(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["nodes"]
 
 
+@pytest.mark.parametrize(
+    ("command", "file", "begins"),
+    [
+        ("show", "a.svg", "<svg"),
+        ("show", "a.gv", "digraph"),
+        ("show", "a.txt", "1  plan"),
+        ("check", "a.sarif", '{"$schema"'),
+        ("check", "a.md", "#"),
+        ("check", "a.out", "a.xml:"),
+        ("gate", "a.json", '{"version"'),
+    ],
+)
+def test_the_name_of_the_file_says_the_format(
+    tmp_path: Path, command: str, file: str, begins: str
+) -> None:
+    write(tmp_path, a=ACCEPTED)
+    assert main([command, "a.xml", "-o", file]) == 0
+    assert (tmp_path / file).read_text("utf-8").startswith(begins)
+
+
+def test_an_option_or_a_setting_goes_before_the_name_of_the_file(tmp_path: Path) -> None:
+    write(tmp_path, a=ACCEPTED)
+    assert main(["show", "a.xml", "--format", "tree", "-o", "a.svg"]) == 0
+    assert (tmp_path / "a.svg").read_text("utf-8").startswith("1  plan")
+    (tmp_path / "gpsfsm.toml").write_text('format = "markdown"\n', "utf-8")
+    assert main(["check", "a.xml", "-o", "a.json"]) == 0
+    assert (tmp_path / "a.json").read_text("utf-8").startswith("#")
+
+
 def test_a_raw_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=f"Sure!\n```xml\n{ACCEPTED}```\n")
     out, err = drawn("a.xml", "--from-response", capsys=capsys)
@@ -91,6 +120,25 @@ def test_what_cannot_be_read(path: str, capsys: pytest.CaptureFixture[str]) -> N
     out, err = drawn(path, capsys=capsys, code=2)
     assert out == ""
     assert err.startswith(f"gpsfsm: {path}: ")
+
+
+def test_all_stops_are_for_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    loop = (
+        '{"nodes": [{"id": "s", "kind": "start"}, '
+        '{"id": "a", "kind": "runner", "interface": "x/A"}, '
+        '{"id": "b", "kind": "runner", "interface": "x/B"}], '
+        '"edges": [{"source": "s", "event": "SUCCEEDED", '
+        '"target": "a"}, {"source": "a", "event": "STARTED", "target": "b"}, '
+        '{"source": "a", "event": "FAILED", "target": "b", "action": "stop"}, '
+        '{"source": "b", "event": "FAILED", "target": "a", "action": "stop"}, '
+        '{"source": "b", "event": "SUCCEEDED", "target": "a", "action": "stop"}]}'
+    )
+    (tmp_path / "a.json").write_text(loop, encoding="utf-8")
+    few, _ = drawn("a.json", "--format", "svg", capsys=capsys)
+    whole, _ = drawn("a.json", "--format", "svg", "--all-stops", capsys=capsys)
+    assert (few.count("edge stop"), whole.count("edge stop")) == (0, 3)
+    _, err = drawn("a.json", "--all-stops", capsys=capsys, code=2)
+    assert "--all-stops needs --format svg" in err
 
 
 def test_svg_needs_no_other_program(

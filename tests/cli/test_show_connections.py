@@ -75,7 +75,7 @@ def test_what_is_no_xml_may_be_a_plan(tmp_path: Path, capsys: pytest.CaptureFixt
             '<Plan>\n<Control type="recovery">\n</Control>\n'
             '<Control type="recovery">t</Control></Plan>',
             {"crash": "signal 11"},
-            "a.xml:4:1: fabric-v2 crashes on this text: a control that holds no element",
+            "a.xml:4:1: fabric-v2 crashes on this text: this control contains text",
         ),
     ],
 )
@@ -105,11 +105,11 @@ def test_limits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ("options", "said"),
     [
         (("--format", "connections"), "needs --engine"),
-        (("--engine", "fabric-v1", "--from-response"), "reads a text as it is"),
+        (("--engine", "fabric-v1", "--from-response"), "reads the text as it is"),
         (("--engine", "fabric-v9", "--format", "connections"), "fabric-v9"),
         (
             ("--engine", "fabric-v2", "--format", "connections", "--from-response"),
-            "reads a text as it is",
+            "reads the text as it is",
         ),
     ],
 )
@@ -160,4 +160,6 @@ def test_the_automaton_of_what_an_engine_refuses(
     assert main(["show", "a.xml", "--engine", "fabric-v2", "--format", "dot"]) == 1
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.startswith("gpsfsm: a.xml:2:1: fabric-v2 refuses this text: an empty control")
+    assert err.startswith(
+        "gpsfsm: a.xml:2:1: fabric-v2 refuses this text: the engine makes a connection to"
+    )

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import stat
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
+import gpsfsm.streams
 from gpsfsm.cli import main
-from gpsfsm.streams import wants_color
+from gpsfsm.streams import MANY, progress_bar, wants_color
 from tests.cli.support import ACCEPTED, REJECTED, TIMEOUT_S, environment, run, shell, start, write
 from tests.forked import Forked
 
@@ -217,6 +220,21 @@ class TestTerminal:
         assert b"checking" not in out
         assert self.run(tmp_path, "check", "many", "--quiet")[1] == b""
         assert run("check", "many", cwd=tmp_path).stderr == b""
+
+
+@pytest.mark.parametrize(("taken_s", "shown"), [(0.0, False), (2.0, True)])
+def test_few_plans_that_take_long_have_a_progress_bar(
+    monkeypatch: pytest.MonkeyPatch, taken_s: float, *, shown: bool
+) -> None:
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(gpsfsm.streams, "_SOON_S", 0.1)
+    with progress_bar("checking", 2, at_least=MANY) as tick:
+        tick(1, 2)
+        time.sleep(taken_s)
+    assert ("1/2" in terminal.getvalue()) == shown
 
 
 def _drain(terminal: int, into: bytearray) -> None:

@@ -19,6 +19,7 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.model.event import Event
 from gpsfsm.model.report import Loaded
+from tests.cases import batches
 from tests.compile.test_trees_engines import uses_of
 from tests.compile.tree_facts import Play
 from tests.compile.tree_facts import facts as by_force
@@ -77,7 +78,7 @@ def in_words_of_the_tree(compiled: Compiled, found: Facts) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("part", range(_PARTS))
+@pytest.mark.parametrize("part", batches(_PARTS))
 def test_both_deciders_find_the_facts_of_brute_force(part: int) -> None:
     for seed in range(5000 + part, 5160, _PARTS):
         random = Random(seed)  # noqa: S311
@@ -93,7 +94,7 @@ def test_both_deciders_find_the_facts_of_brute_force(part: int) -> None:
             assert told == wanted, (solver, options, to_xml(tree))
 
 
-@pytest.mark.parametrize("part", range(_PARTS))
+@pytest.mark.parametrize("part", batches(_PARTS))
 def test_both_deciders_write_the_same_findings(part: int) -> None:
     """So the structural pass finds the canonical scenarios, which z3 searches."""
     for seed in range(6000 + part, 6120, _PARTS):
@@ -213,7 +214,7 @@ def check_canonical(tree: T) -> None:
                 assert sorted(told[way]()) == first(scenarios), (way, use, to_xml(tree))
 
 
-@pytest.mark.parametrize("part", range(_PARTS))
+@pytest.mark.parametrize("part", batches(_PARTS))
 def test_canonical_scenarios_are_those_of_brute_force(part: int) -> None:
     for seed in range(7000 + part, 7120, _PARTS):
         random = Random(seed)  # noqa: S311

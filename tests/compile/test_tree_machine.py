@@ -12,6 +12,7 @@ from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.model.choice import OWN
 from gpsfsm.model.report import Facts, Frequency, Verdict
+from tests.cases import batches
 from tests.compile.test_trees import tree
 from tests.conftest import SHARED
 from tests.oracle import ticks
@@ -19,8 +20,6 @@ from tests.oracle.btcpp import Answer, against_facts, disagreement, engine, foll
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-BATCHES = 16
 
 
 def machine_of(body: str, version: int = 4, **others: str) -> TreeMachine:
@@ -35,7 +34,7 @@ def facts_of(body: str, version: int = 4, **others: str) -> Facts:
     return report.facts
 
 
-@pytest.mark.parametrize("batch", range(BATCHES))
+@pytest.mark.parametrize("batch", batches(16))
 def test_the_real_engine_does_what_the_machine_can_do(batch: int) -> None:
     engine()
     for seed in range(20 * batch, 20 * batch + 20):
@@ -52,7 +51,7 @@ def test_a_tree_that_once_differed(seed: int) -> None:
     assert "SKIPPED" in labels
 
 
-@pytest.mark.parametrize("batch", range(4))
+@pytest.mark.parametrize("batch", batches(4))
 def test_the_real_engine_keeps_to_the_ties_of_conditions(batch: int) -> None:
     """Leaves that always end the same, and conditions on keys that scripts write."""
     engine()
@@ -61,7 +60,7 @@ def test_the_real_engine_keeps_to_the_ties_of_conditions(batch: int) -> None:
         assert not parted, (seed, parted)
 
 
-@pytest.mark.parametrize("batch", range(8))
+@pytest.mark.parametrize("batch", batches(8))
 def test_nodes_that_the_engine_lacks_do_what_the_machine_can_do(batch: int) -> None:
     for seed in range(20 * batch, 20 * batch + 20):
         parted, labels = ticks.disagreement(seed, runs=3)

@@ -106,20 +106,20 @@ def test_equal_actions_are_those_with_equal_known_ports() -> None:
         ("<ReactiveFallback><A/><B/></ReactiveFallback>", "this ReactiveFallback ticks"),
         ("<KeepRunningUntilFailure><A/></KeepRunningUntilFailure>", "expressed as a plan"),
         ('<Timeout msec="5"><A/></Timeout>', "cannot be expressed as a plan"),
-        ('<Repeat num_cycles="-1"><A/></Repeat>', "without a bound (num_cycles=-1)"),
-        ('<Repeat num_cycles="0"><A/></Repeat>', "(num_cycles=0) never runs what is in it"),
+        ('<Repeat num_cycles="-1"><A/></Repeat>', "without a limit (num_cycles=-1)"),
+        ('<Repeat num_cycles="0"><A/></Repeat>', "(num_cycles=0) never runs its child"),
         ('<Repeat num_cycles="{n}"><A/></Repeat>', "num_cycles of this Repeat comes from"),
         ('<Go _skipIf="x > 1"/>', "the condition _skipIf of this Go"),
         (
             '<Parallel success_count="1" failure_count="1"><A/><B/></Parallel>',
-            "comes first decides",
+            "depends on which come first",
         ),
         ("<Parallel><A/><AlwaysFailure/></Parallel>", "children that end at once"),
         ("<MyControl><A/><B/></MyControl>", "what the node MyControl does with its children"),
         (
             '<RetryUntilSuccessful num_attempts="2"><SequenceWithMemory><A/></SequenceWithMemory>'
             "</RetryUntilSuccessful>",
-            "goes on where it failed",
+            "resumes where it failed",
         ),
         ('<Switch2 variable="{x}" case_1="1" case_2="2"><A/><B/><C/></Switch2>', "as a plan"),
     ],
@@ -174,8 +174,9 @@ def test_findings_speak_of_trees_and_tell_a_place_once() -> None:
     )
     report = check_text(text, "t.xml", CheckOptions())
     assert [finding.message for finding in report.findings] == [
-        "2 of 5 outcomes make the tree fail (line 2: last child of a Fallback or Retry; "
-        "line 1: an Inverter makes a failure of it); it takes 0 failures",
+        "2 of 5 outcomes make the tree fail (line 2: last child of a Fallback or "
+        "Retry; line 1: an Inverter turns it into a failure); no failure is "
+        "needed",
     ]
     assert not any("plan" in finding.hint for finding in report.findings)
 
@@ -230,7 +231,7 @@ def test_a_parallel_all_that_cannot_count_is_refused() -> None:
         assert parsed.plan is None
         (problem,) = parsed.problems
         assert problem.rule == "GP811"
-        assert "a ParallelAll of 3 cannot fail with" in problem.message
+        assert "a ParallelAll of 3 children cannot fail with" in problem.message
     assert "max_failures of this ParallelAll comes from the blackboard" in lost(
         '<ParallelAll max_failures="{n}"><A/><B/></ParallelAll>'
     )

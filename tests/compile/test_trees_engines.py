@@ -19,6 +19,7 @@ from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.execution.explore import explore
 from gpsfsm.execution.records import Status as RunStatus
 from gpsfsm.model.event import End, Outcome
+from tests.cases import batches
 from tests.compile.trees import (
     ALL,
     LOOPS,
@@ -148,7 +149,7 @@ def agree(tree: T, compiled: Compiled, world: World, *, ended: bool) -> None:
         assert world.started == started, (to_xml(tree), world.outcomes)
 
 
-@pytest.mark.parametrize("part", range(10))
+@pytest.mark.parametrize("part", batches(10))
 def test_py_trees_runs_alike(part: int) -> None:
     for seed in range(part, _TREES, 10):
         tree = random_tree(Random(seed), (*PY_TREES, *LOOPS), most=6)  # noqa: S311
@@ -159,7 +160,7 @@ def test_py_trees_runs_alike(part: int) -> None:
             agree(tree, compiled, world, ended=ended)
 
 
-@pytest.mark.parametrize("part", range(10))
+@pytest.mark.parametrize("part", batches(10))
 def test_ticking_runs_alike_however_long_the_leaves_take(part: int) -> None:
     for seed in range(part, _TREES, 10):
         random = Random(1000 + seed)  # noqa: S311
@@ -172,7 +173,7 @@ def test_ticking_runs_alike_however_long_the_leaves_take(part: int) -> None:
             agree(tree, compiled, world, ended=ended)
 
 
-@pytest.mark.parametrize("part", range(4))
+@pytest.mark.parametrize("part", batches(4))
 def test_the_kernel_runs_alike(part: int) -> None:
     """The engine that executes plans: in each of its runs the tree ends as when it is ticked."""
     for seed in range(part, 60, 4):
@@ -190,7 +191,7 @@ def test_the_kernel_runs_alike(part: int) -> None:
             assert run_ticking(tree, world) is (run.status is RunStatus.COMPLETED), to_xml(tree)
 
 
-@pytest.mark.parametrize("part", range(6))
+@pytest.mark.parametrize("part", batches(6))
 def test_both_deciders_find_what_the_engine_does(part: int) -> None:
     for seed in range(part, 90, 6):
         tree = random_tree(Random(3000 + seed), ALL, most=5)  # noqa: S311

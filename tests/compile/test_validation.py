@@ -14,6 +14,7 @@ from gpsfsm.compile.validation import Renamed, Taken, Validation
 from gpsfsm.model.capability import Input, Interface, Output, Parameter, Provider, Source, ValueType
 from gpsfsm.model.engine import Connection, EnginePlan, Rejected
 from gpsfsm.model.event import Event
+from tests.cases import many
 from tests.compile.fabric.brute import RUNNER, Node, to_xml
 from tests.compile.fabric.support import listed
 from tests.compile.fabric.test_random import any_children, controls
@@ -181,7 +182,7 @@ def missing(plan: EnginePlan, library: Library) -> list[tuple[int, str]]:
 # -- the comparison --------------------------------------------------------------------------------
 
 
-@settings(max_examples=400)
+@settings(max_examples=many(400))
 @given(plans.map(tuple), libraries())
 def test_validation(children: tuple[Node, ...], library: Library) -> None:
     text = to_xml(Node("Plan", (), children))
@@ -216,7 +217,7 @@ def test_validation(children: tuple[Node, ...], library: Library) -> None:
 
 
 @given(any_children.map(tuple))
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 def test_connections_are_those_of_the_second_version(children: tuple[Node, ...]) -> None:
     text = to_xml(Node("Plan", (), children))
     assert listed(3, text) == listed(2, text)
@@ -255,8 +256,9 @@ LIBRARY = known(GIVE, TAKE, ELSE)
 def test_a_value_behind_a_join_is_told_as_such() -> None:
     recovery = f'\n<Control type="recovery">{step("t/Else")}</Control>\n'
     assert outcome(LIBRARY, step("t/Give"), recovery, step("t/Take")) == (
-        "3:1 nothing gives this runner its input 'x': Give at line 1 has it, but only through the "
-        "join of the recovery at line 2, and a join hands nothing over"
+        "3:1 nothing provides the input 'x' of this runner: Give at line 1 outputs "
+        "it, but only through the join of the recovery at line 2, and joins pass "
+        "no values on"
     )
 
 
@@ -269,14 +271,14 @@ def test_a_value_on_a_failure_passes() -> None:
 
 def test_one_hop_is_all() -> None:
     assert outcome(LIBRARY, step("t/Give"), step("t/Take")) == ""
-    assert "neither a step that leads straight to it nor the plan" in outcome(
+    assert "neither a step that leads directly to it nor the plan" in outcome(
         LIBRARY, step("t/Give"), step("t/Else"), step("t/Take")
     )
-    assert "so that the attribute does not count" in outcome(LIBRARY, step("t/Take", 'x="1"'))
+    assert "so the attribute does not count" in outcome(LIBRARY, step("t/Take", 'x="1"'))
 
 
 def test_a_provider_that_the_robot_lacks() -> None:
-    refused = "1:7 the robot has no such provider of the interface of this runner"
+    refused = "1:7 the robot has no such provider of this runner's interface"
     assert outcome(LIBRARY, step("t/Fly")) == refused
     assert outcome(LIBRARY, step("t/Give", provider="t/Else")) == refused
     assert outcome(LIBRARY, step("t/Give", provider="t/Fly")) == refused
@@ -288,7 +290,7 @@ def test_a_provider_that_the_robot_lacks() -> None:
 def test_nobody_knows_what_an_undescribed_runner_hands_over() -> None:
     assert outcome(replace(LIBRARY, complete=False), step("t/Fly"), step("t/Take")) == ""
     silent = known(TAKE, Provider("t/Old", "t/Old", version="1.1"))
-    assert "nothing gives" in outcome(silent, step("t/Old"), step("t/Take"))
+    assert "nothing provides" in outcome(silent, step("t/Old"), step("t/Take"))
 
 
 def test_a_definition_that_is_lent_is_none_to_the_engine() -> None:
@@ -296,7 +298,7 @@ def test_a_definition_that_is_lent_is_none_to_the_engine() -> None:
     older = Library(providers=(Provider("t/Take", "t/Take", version="1.1", origin="robot.yaml"),))
     assert outcome(known(TAKE).extended(older), step("t/Take")) == ""
     older = Library(providers=(Provider("t/Give", "t/Give", version="1.1", origin="robot.yaml"),))
-    assert "nothing gives" in outcome(LIBRARY.extended(older), step("t/Give"), step("t/Take"))
+    assert "nothing provides" in outcome(LIBRARY.extended(older), step("t/Give"), step("t/Take"))
 
 
 def test_kinds_of_what_is_missing_at_run_time() -> None:

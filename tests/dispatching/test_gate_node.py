@@ -28,7 +28,7 @@ def test_a_receipt_is_about_the_very_text(tmp_path: Path) -> None:
     with Gate(short) as gate:
         keeper = PlanKeeper(gate, str(file))
         assert keeper.refused(PLAN, "submit") == ""
-        assert "are the most (--max-bytes)" in keeper.refused(f"{PLAN} ", "submit")
+        assert "; the limit is 130 (--max-bytes)" in keeper.refused(f"{PLAN} ", "submit")
     rows = [json.loads(line) for line in file.read_text().splitlines()]
     assert [row["decision"] for row in rows] == ["accepted", "rejected"]
     texts = (PLAN, f"{PLAN} ")

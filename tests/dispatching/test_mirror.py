@@ -79,7 +79,7 @@ def test_a_run_is_followed_to_its_end_from_whatever_number() -> None:
     followed.take("SUCCEEDED", 133, triggers=DONE, target=134)
     assert followed.kernel.status is Status.COMPLETED
     assert followed.explanation == [
-        "line 2: WaypointRunner (x=1.0, y=2.0) failed, and the plan went on"
+        "line 2: WaypointRunner (x=1.0, y=2.0) failed, and the plan continued"
     ]
 
 
@@ -88,7 +88,8 @@ def test_what_acts_on_after_the_end_is_told_of() -> None:
     followed.take("SUCCEEDED", 0)
     assert followed.kernel.status is Status.COMPLETED
     assert followed.explanation == [
-        "line 4: WaypointRunner (x=2.0, y=2.0) was still active, and may act on until the next plan"
+        "line 4: WaypointRunner (x=2.0, y=2.0) was still active, "
+        "and may continue to act until the next plan"
     ]
 
 
@@ -156,8 +157,8 @@ def test_a_failure_that_nothing_takes_is_the_end() -> None:
     followed.take("FAILED", 6)
     assert followed.kernel.status is Status.HANG
     assert followed.explanation == [
-        "the plan left its specified part at line 3: WaypointRunner (x=2.0, y=2.0) failed and "
-        "nothing takes that; the server goes on waiting (HANG)"
+        "the plan left its specified part at line 3: WaypointRunner (x=2.0, y=2.0): it failed, "
+        "and nothing follows that; the server keeps waiting (HANG)"
     ]
 
 
@@ -167,7 +168,7 @@ def test_silence_is_told_of_those_that_act_and_only_where_events_could_come() ->
     words = Words(followed.kernel.automaton, followed.kernel.runners)
     (said,) = quiet(followed.trace, words, has_events=True)
     assert said.startswith("line 4: WaypointRunner (x=2.0")
-    assert said.endswith(" is active, and no event comes of it")
+    assert said.endswith(" is active, but no event comes from it")
     assert quiet(followed.trace, words, has_events=False) == []
 
 
@@ -177,8 +178,8 @@ def test_a_join_that_waits_for_ever_is_explained() -> None:
     followed.take("SUCCEEDED", 5)
     assert followed.kernel.status is Status.HANG
     assert followed.explanation == [
-        "the join of line 3: parallel_all has 1 of 3 inputs, and no more can come; the server goes "
-        "on waiting (HANG)"
+        "the join of line 3: parallel_all has 1 of 3 inputs, and no more can come; the server "
+        "keeps waiting (HANG)"
     ]
 
 
@@ -188,7 +189,7 @@ def test_an_input_too_many_is_explained() -> None:
     assert followed.kernel.status is Status.ABORT
     assert followed.explanation == [
         "the plan left its specified part at line 3: recovery: its join got an input after it had "
-        "fired, at which the Capabilities2 server aborts; start that again"
+        "fired, so the Capabilities2 server aborts; restart it"
     ]
 
 

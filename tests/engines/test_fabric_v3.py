@@ -57,13 +57,14 @@ def test_a_refusal_is_a_finding_at_the_runner() -> None:
     (found,) = findings(behind, "GP701")
     assert found.location.line == 6
     assert (
-        "RobotPoseRunner at line 4 has it, but only through the join of the recovery"
+        "RobotPoseRunner at line 4 outputs it, but only through the join of the recovery"
         in found.message
     )
     assert (
-        "it says: Unsatisfied required runtime input 'x' for capability prompt_cap" in found.message
+        "engine message: Unsatisfied required runtime input 'x' for capability prompt_cap"
+        in found.message
     )
-    assert found.hint.startswith("put a step that hands it over right before this runner")
+    assert found.hint.startswith("put a step that outputs it right before this runner")
     (found,) = findings(plan(runner(FP)), "GP701")
     assert found.hint.startswith('write text="…" in the plan, or put a step')
     assert not findings(plan(locate(), tell_pose(uuid="u")), "GP701")
@@ -107,7 +108,7 @@ def test_what_is_missing_at_run_time_is_a_warning() -> None:
     assert "the output is called 'speech'" in found.message
     assert found.hint == 'write text="…" in the plan'
     (found,) = findings(plan(hear(), control("recovery", note(uuid="u"))), "GP710")
-    assert "'text' goes with SUCCEEDED, and what leads here is FAILED" in found.message
+    assert "'text' comes with SUCCEEDED, but this step is triggered by FAILED" in found.message
     (found,) = findings(plan(runner(WORDS, task="Hello.", flush="true")), "GP710")
     assert "'task' is another name of the input 'speech_text'" in found.message
     assert not findings(SPEAKS, "GP710")
@@ -184,7 +185,9 @@ def test_a_robot_has_the_names_of_its_engine_or_of_its_list(
     assert found.message == f"'{other}' is called '{name}' on the robot 'lab'"
     assert not findings(plan(runner(name, text="a")), "GP701", known)
     (found,) = findings(plan(runner("nav2_capabilities/Fly")), "GP701", known)
-    assert "it says: Unmatched interface: nav2_capabilities/Fly provider: nav2" in found.message
+    assert (
+        "engine message: Unmatched interface: nav2_capabilities/Fly provider: nav2" in found.message
+    )
     if not listed:
         speech = known.library.provider(WORDS)
         assert speech is not None
@@ -243,7 +246,7 @@ def test_a_plan_that_generates_the_next_one(
     words = ["--engine", "fabric-v3", "--world", WORLD, "--model", f"replay:{answers}"]
     assert main(["run", str(file), *words, "--journal", str(journal)]) == 0
     out = capsys.readouterr().out
-    assert "says: attempt 1 was rejected: GP703: on fabric-v3 this plan does" in out, out
+    assert "says: attempt 1 was rejected: GP703: this plan behaves differently" in out, out
     with JournalReader(str(journal)) as reader:
         runs = list(reader.runs())
         assert [str(found.status) for found in runs] == ["COMPLETED", "COMPLETED"]

@@ -28,8 +28,8 @@ def test_each_runner_that_is_cut_off_is_shown_at_its_place() -> None:
 def test_a_join_that_waits_for_two_successes_is_told() -> None:
     text = plan(control("parallel_all", go(1.0, 2.0), say("Hello.")))
     assert messages("GP707", text) == [
-        "on fabric-v2 the join of the parallel_all at line 2 waits for 2 successes, of which only "
-        "one can come: the plan hangs there"
+        "on fabric-v2 the join of the parallel_all at line 2 waits for 2 "
+        "successes, of which only 1 can arrive: the plan hangs there"
     ]
 
 
@@ -37,7 +37,7 @@ def test_an_empty_text_becomes_a_number() -> None:
     """The plan has a text there, and the engine a 0."""
     text = plan(runner("nav2_capabilities/WaypointRunner", 'x="" y="2.0"'))
     assert messages("GP709", text) == [
-        'fabric-v2 makes 0 of x="" of WaypointRunner (x=, y=2.0) at line 2'
+        'fabric-v2 changes x="" of WaypointRunner (x=, y=2.0) at line 2 to 0'
     ]
 
 

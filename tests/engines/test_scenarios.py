@@ -13,6 +13,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Load, Start, Stop
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.report import Verdict
+from tests.cases import many
 from tests.engines.plans import plans
 from tests.engines.test_facts import both, reading_of
 
@@ -73,7 +74,7 @@ def test_scenarios_replay(engine: str, text: str) -> None:
     ],
     ids=["no-start", "hang", "consistent", "assume"],
 )
-@settings(max_examples=20)
+@settings(max_examples=many(20))
 @given(text=plans(most=5))
 def test_every_plan_is_decided(engine: str, options: AnalysisOptions, text: str) -> None:
     """Whatever the options are, no scenario is claimed that does not replay (GP903)."""

@@ -77,7 +77,7 @@ def test_a_text_that_is_too_large_for_the_engines_parser() -> None:
     report = check(b"<Plan>" + GO.encode() * 1500 + b"\xff</Plan>", limits=limits)
     assert report.verdict is Verdict.UNDECIDED
     assert report.facts is None
-    assert "fabric-v2 sees more in this text" in only(report, "GP103").message
+    assert "fabric-v2 reads more elements in this text" in only(report, "GP103").message
 
 
 def test_the_engine_reads_the_bytes() -> None:

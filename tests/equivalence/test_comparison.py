@@ -319,12 +319,12 @@ def test_an_assumption_about_one_plan_counts_there() -> None:
 
 
 def test_an_assumption_names_the_plan_that_it_does_not_fit() -> None:
-    with pytest.raises(AssumptionError, match="line 9 holds no runner"):
+    with pytest.raises(AssumptionError, match="line 9 contains no runner"):
         differs(plan("a"), plan("a"), assumptions=("line 9 fails",))
 
 
 def test_engines_are_not_compared() -> None:
     compiled = compile_plan(plan_of(plan("a")))
     engine = replace(compiled.automaton, traits=Traits("another"))
-    with pytest.raises(UsageError, match="not as engines do"):
+    with pytest.raises(UsageError, match="not by those of an engine"):
         compare(replace(compiled, automaton=engine), compiled)

@@ -50,6 +50,16 @@ def test_a_plan_becomes_a_tree_and_a_plan_again(whole: P) -> None:
     assert compare(plan, back) is None
 
 
+def test_an_unknown_format_is_refused_with_all_formats() -> None:
+    plan = plan_of('<Plan><Runner interface="a/B" provider="a/B"/></Plan>')
+    with pytest.raises(UsageError) as refused:
+        convert_plan(plan, "promela")
+    assert str(refused.value) == (
+        "there is no format 'promela'; the formats are: "
+        "dot, graphml, json, mermaid, plan, scxml, tree, yasmin"
+    )
+
+
 @pytest.mark.parametrize("name", ["ID", "_skipIf"])
 def test_a_parameter_that_means_something_else_in_a_tree_is_refused(name: str) -> None:
     plan = plan_of(f'<Plan><Runner interface="a/B" provider="a/B" {name}="x"/></Plan>')
@@ -65,7 +75,7 @@ def test_a_tree_becomes_a_plan_or_says_what_no_plan_can_say(body: str) -> None:
     if isinstance(text, CannotSayError):
         words = ("Inverter", "Force", "Parallel", "IfThenElse", "Always")
         assert any(word in body for word in words)
-        assert text.why.startswith(("no plan", "it is a machine"))
+        assert text.why.startswith(("a plan cannot", "it is a machine"))
         return
     assert text.startswith("<Plan>")
 
@@ -122,7 +132,7 @@ def test_real_plans_are_converted(shared_corpus: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "to", "why"),
     [
-        ("<Inverter><A/></Inverter>", "plan", "no plan turns a success into a failure"),
+        ("<Inverter><A/></Inverter>", "plan", "a plan cannot turn a success into a failure"),
         ('<A goal="{g}"/>', "plan", "its port goal reads {g} from the blackboard"),
         ('<KeepRunningUntilFailure><A/></KeepRunningUntilFailure>', "plan", "it is a machine"),
         (
@@ -156,6 +166,4 @@ def test_what_does_something_else_is_not_written(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setitem(formats(), "plan", wrong)
     with pytest.raises(InternalError, match="does something else"):
         convert_plan(plan, "plan")
-    with pytest.raises(UsageError, match="there are plan, scxml, tree, yasmin"):
-        convert_plan(plan, "nonsense")
     assert compile_plan(plan).automaton.runners

@@ -22,6 +22,7 @@ from gpsfsm.equivalence.machines import machine_sides
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.model.event import End
 from tests.analysis.machines.random_machines import machine, machines
+from tests.cases import many
 from tests.equivalence import rewriting
 from tests.equivalence.machine_brute import Played, distance
 from tests.equivalence.pairs import differs, seeded
@@ -112,7 +113,7 @@ def test_the_search_finds_renamed_machines_equal(graph: Graph, seed: int) -> Non
     assert comparison.lockstep(sides, max_work=1_000_000) is None
 
 
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(acting(), st.integers(0, 2**32), st.integers(1, 3))
 def test_edits_are_judged_as_by_brute_force(graph: Graph, seed: int, times: int) -> None:
     source = seeded(seed)
@@ -163,7 +164,7 @@ def separates(one: Graph, other: Graph, found: Difference) -> None:
             assert {names[side][number] for number in reaction.stopped} == seen.stopped
 
 
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 @given(plans(max_runners=6), st.integers(0, 2**32))
 def test_machines_of_plans_differ_as_the_plans_do(whole: P, seed: int) -> None:
     other = rewriting.mutated(seeded(seed), whole)

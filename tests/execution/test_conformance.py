@@ -232,7 +232,7 @@ def test_loading_and_unloading_are_tried() -> None:
 
     assert breach(Start).startswith("Start is not loaded: ")
     assert breach(Stop) == "Stop is not unloaded properly: unloading: ValueError: stuck"
-    assert "str is no subclass of Runner" in breach(lambda: "text")
+    assert "str is not a subclass of Runner" in breach(lambda: "text")
 
 
 def test_a_runner_may_log_what_it_likes() -> None:

@@ -15,6 +15,7 @@ from gpsfsm.execution.records import Kind, Status
 from gpsfsm.model.capability import Binding, Interface, Outcomes, Provider
 from gpsfsm.model.event import Outcome
 from tests import oracle
+from tests.cases import many
 from tests.execution.support import compiled_of, without_ends
 from tests.oracle import par_all, par_any, plan, rec, seq
 from tests.strategies import faults, plans, plans_of_few_actions
@@ -79,7 +80,7 @@ def fewest(runs: list[Run]) -> int | None:
     )
 
 
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(whole=plans(max_runners=5))
 def test_the_engine_agrees_with_the_verdicts_and_with_brute_force(whole: oracle.P) -> None:
     found = judged(whole, frozenset())
@@ -91,7 +92,7 @@ def test_the_engine_agrees_with_the_verdicts_and_with_brute_force(whole: oracle.
     assert found == {name: brute[name] for name in found}
 
 
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 @given(whole=plans(max_runners=4), models=faults())
 def test_so_it_does_under_every_fault_model(whole: oracle.P, models: frozenset[str]) -> None:
     found = judged(whole, models)
@@ -103,7 +104,7 @@ def test_so_it_does_under_every_fault_model(whole: oracle.P, models: frozenset[s
     assert found == {name: brute[name] for name in found}
 
 
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 @given(whole=plans_of_few_actions(max_runners=5), models=faults())
 @example(plan(par_all("Go", "Go")), frozenset())
 @example(plan(par_all(seq("Say", "Go"), par_any("Go", "Go"))), frozenset())
@@ -124,7 +125,7 @@ def test_the_engine_gives_up_after_as_few_failures_as_the_facts_say_and_no_fewer
     assert facts.fewest_failures_to_give_up == fewest(consistent)
 
 
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 @given(whole=plans(max_runners=4), models=faults())
 def test_orders_change_neither_the_endings_nor_who_is_active(
     whole: oracle.P, models: frozenset[str]
@@ -140,7 +141,7 @@ def test_orders_change_neither_the_endings_nor_who_is_active(
     assert some == every
 
 
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 @given(whole=plans(max_runners=4), models=faults())
 def test_every_run_is_one_of_the_automaton_and_replays(
     whole: oracle.P, models: frozenset[str]

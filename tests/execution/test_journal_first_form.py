@@ -22,8 +22,8 @@ from tests.execution.journaling import compiled, exported, opened_up
 
 OLD = Path(__file__).parent / "journals"
 NOT_COVERED = (
-    "gpsfsm: form_1.db: an earlier gpsfsm has written to this journal: no hash covers the dates "
-    "and times and the names of files that it wrote\n"
+    "gpsfsm: form_1.db: an earlier gpsfsm has written to this journal: no hash covers its "
+    "dates, times and file names\n"
 )
 
 

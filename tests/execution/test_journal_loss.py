@@ -131,7 +131,7 @@ def test_no_damage_to_the_log_goes_unnoticed(
 def test_a_log_that_is_deleted_is_missed(crashed: tuple[Path, int], tmp_path: Path) -> None:
     path = copied(crashed[0], tmp_path)
     (tmp_path / "j.db-wal").unlink()
-    refused(path, r"1 run and \d+ events that had been written are missing .*j\.db-wal is gone")
+    refused(path, r"1 run and \d+ events that had been written are missing .*j\.db-wal is missing")
 
 
 def test_a_link_to_a_journal_is_the_journal(crashed: tuple[Path, int], tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_a_link_to_a_journal_is_the_journal(crashed: tuple[Path, int], tmp_path:
         Journal(str(path))
     copied(crashed[0], tmp_path / "there")
     (tmp_path / "there" / "j.db-wal").unlink()
-    refused(link, r"there/j\.db-wal is gone")
+    refused(link, r"there/j\.db-wal is missing")
     assert list(tmp_path.glob("link.db?*")) == []
 
 
@@ -178,7 +178,7 @@ def test_without_a_witness_the_log_is_looked_at(
 
 def test_a_file_that_only_has_its_name_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "j.db-seen").write_text("what I have seen")
-    with pytest.raises(JournalError, match="no file of gpsfsm; move it away"):
+    with pytest.raises(JournalError, match="not a gpsfsm file; move it away"):
         Journal(str(tmp_path / "j.db"))
     assert (tmp_path / "j.db-seen").read_text() == "what I have seen"
 
@@ -198,7 +198,7 @@ def test_a_power_failure_may_take_what_it_is_allowed_to(
     start_anew(tmp_path, monkeypatch)
     with JournalReader(str(path)) as reader:
         told = reader.check_end()
-    assert "the machine went down, which the durability 'process' does not outlive" in told
+    assert "the machine crashed, which the durability 'process' does not survive" in told
     with Journal(str(path)) as journal:
         assert journal.note == told
     resume_journaled(path)

@@ -133,7 +133,7 @@ def _database(path: Path) -> None:
         (_text, "not a journal of gpsfsm"),
         (_database, "not a journal of gpsfsm"),
         (Path.mkdir, "a folder"),
-        (os.mkfifo, "no regular file"),
+        (os.mkfifo, "not a regular file"),
     ],
 )
 def test_other_files_are_not_touched(
@@ -153,7 +153,7 @@ def test_other_files_are_not_touched(
 def test_files_that_are_not_there(tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="there is no such file"):
         JournalReader(str(tmp_path / "none.db"))
-    with pytest.raises(JournalError, match="do it and its folder exist"):
+    with pytest.raises(JournalError, match="check that its folder exists"):
         Journal(str(tmp_path / "none" / "j.db"))
     assert not list(tmp_path.iterdir())
 

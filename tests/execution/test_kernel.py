@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gpsfsm.errors import InternalError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Load, Start, Status, Stop, Unload
+from tests.cases import many
 from tests.execution.support import BEGIN, compiled_of, kinds, told, without_ends
 from tests.oracle import R, par_all, par_any, plan, rec, seq
 from tests.strategies import plans
@@ -327,7 +328,7 @@ def follow(kernel: Kernel, draw: st.DataObject) -> list[Input]:
     return inputs
 
 
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 @given(whole=plans(min_runners=1, max_runners=5), data=st.data())
 def test_runners_are_unloaded_as_soon_as_nothing_can_need_them(
     whole: oracle.P, data: st.DataObject

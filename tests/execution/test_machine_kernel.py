@@ -17,6 +17,7 @@ from gpsfsm.execution.records import Input, Kind, Load, Record, Start, Status, S
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.simulation.makers import Drawn
 from tests.analysis.machines.random_machines import machine, machines
+from tests.cases import many
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -87,7 +88,7 @@ class SlowHost:
         return self.step(happened)
 
 
-@settings(max_examples=300)
+@settings(max_examples=many(300))
 @given(graph=machines(), data=st.data())
 def test_whatever_the_host_does_the_configurations_are_those_of_the_instants(
     graph: nx.MultiDiGraph[Any], data: st.DataObject

@@ -17,6 +17,7 @@ from gpsfsm.execution.records import Input, Kind, Status
 from gpsfsm.execution.runner import Runner, RunnerError, StopRequested
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.model.event import Outcome
+from tests.cases import many
 from tests.execution.misbehaving import (
     GUARDED,
     Doing,
@@ -299,7 +300,7 @@ class Chaos(Runner):
         raise RuntimeError("never")
 
 
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 @given(whole=plans(max_runners=8), seed=st.integers(0, 10_000), timed=st.booleans())
 def test_whatever_runners_do_the_run_is_one_of_the_automaton(
     whole: oracle.P, seed: int, timed: bool

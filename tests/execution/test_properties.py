@@ -15,6 +15,7 @@ from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event, Outcome
 from tests.analysis.test_scenarios import findings_of
+from tests.cases import many
 from tests.execution.support import BEGIN, Listing, Luck, compiled_of, drive, kinds, without_ends
 from tests.strategies import faults, plans
 from tests.support import decided
@@ -76,7 +77,7 @@ class Play:
                 self._pending.append(Input(Kind(outcome.value), happened.runner))
 
 
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(whole=plans(max_runners=12), seed=st.integers(0, 1000))
 def test_a_run_is_one_of_the_automaton(whole: oracle.P, seed: int) -> None:
     compiled = compiled_of(whole)
@@ -89,7 +90,7 @@ def test_a_run_is_one_of_the_automaton(whole: oracle.P, seed: int) -> None:
     assert Evaluator(compiled.automaton).surely(came).ends.value == driver.kernel.status.value
 
 
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(whole=plans(max_runners=12), data=st.data(), models=faults())
 def test_the_kernel_follows_every_scenario(
     whole: oracle.P, data: st.DataObject, models: frozenset[str]
@@ -115,7 +116,7 @@ def test_the_kernel_follows_every_scenario(
     assert joined | triggered == set(run.triggered)
 
 
-@settings(max_examples=80)
+@settings(max_examples=many(80))
 @given(whole=plans(max_runners=6), models=faults(), data=st.data())
 def test_every_scenario_that_is_shown_replays(
     whole: oracle.P, models: frozenset[str], data: st.DataObject
@@ -138,7 +139,7 @@ def test_every_scenario_that_is_shown_replays(
         assert set(claimed) <= set(maximal)
 
 
-@settings(max_examples=40)
+@settings(max_examples=many(40))
 @given(whole=plans(max_runners=8), seed=st.integers(0, 1000))
 def test_cancel_at_every_event(whole: oracle.P, seed: int) -> None:
     compiled = compiled_of(whole)
@@ -184,7 +185,7 @@ def finish(driver: VirtualDriver) -> None:
     assert not driver._runners
 
 
-@settings(max_examples=40)
+@settings(max_examples=many(40))
 @given(whole=plans(max_runners=8), seed=st.integers(0, 1000), pause=st.integers(1, 40))
 def test_a_pause_at_every_event_changes_nothing_but_time(
     whole: oracle.P, seed: int, pause: int

@@ -12,6 +12,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Load, Start, Status, Stop
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event
+from tests.cases import many
 from tests.execution.support import BEGIN, compiled_of, kinds
 from tests.oracle import par_all, par_any, plan, rec, seq
 from tests.strategies import faults, plans
@@ -43,7 +44,7 @@ def played(kernel: Kernel, luck: int) -> Iterator[list[Record]]:
         yield records
 
 
-@settings(max_examples=200)
+@settings(max_examples=many(200))
 @given(whole=plans(max_runners=25), luck=st.integers(0, 1000), models=faults())
 def test_it_is_the_same_as_node_by_node(whole: oracle.P, luck: int, models: frozenset[str]) -> None:
     compiled = compiled_of(whole, models)

@@ -50,7 +50,7 @@ def test_a_runner_that_cannot_be_made_fails_its_instances() -> None:
 
 def test_a_runner_that_is_none_is_not_loaded() -> None:
     sink, _ = asyncio.run(go(plan("A"), lambda interface, provider: "text"))  # type: ignore[arg-type,return-value]
-    assert messages(sink, Kind.NOT_LOADED) == ["str is no runner"]
+    assert messages(sink, Kind.NOT_LOADED) == ["str is not a runner"]
 
 
 def test_loading_is_bounded() -> None:

@@ -247,7 +247,7 @@ def test_a_plan_that_was_not_accepted_for_that_is_noticed() -> None:
 def test_who_continues_plans_is_known_before_the_first_one() -> None:
     made = Bench()
     made.queue.submit(FAIL)
-    with pytest.raises(UsageError, match="before the first one"):
+    with pytest.raises(UsageError, match="before the first plan"):
         made.queue.continuing.by(Model(TWICE), Policy())
 
 

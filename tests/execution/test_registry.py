@@ -103,14 +103,14 @@ def test_what_a_file_describes_on_ros_2_needs_no_code() -> None:
 @pytest.mark.parametrize(
     ("runner", "message"),
     [
-        ("", "no runner is installed for demo/Grasp: its file names ''"),
+        ("", "no runner is installed for demo/Grasp: its file has neither a section"),
         ("launch/empty.launch.py", "no runner is installed for demo/Grasp: its file names 'lau"),
         ("capabilities2_runner::WaypointRunner", "no runner is installed for demo/Grasp"),
         ("os:system", "the file of demo/Grasp names the runner os:system, and runners from"),
         ("gpsfsm.runnersx:Runner", "the file of demo/Grasp names the runner gpsfsm.runnersx"),
         ("gpsfsm.runners.generic:Path", "demo/Grasp exists only as a simulation"),
-        ("gpsfsm.runners.generic.process:os", "gpsfsm.runners.generic.process:os is no runner"),
-        ("gpsfsm.runners.generic:Runner", "gpsfsm.runners.generic:Runner is no runner"),
+        ("gpsfsm.runners.generic.process:os", "gpsfsm.runners.generic.process:os is not a runner"),
+        ("gpsfsm.runners.generic:Runner", "gpsfsm.runners.generic:Runner is not a runner"),
         ("gpsfsm.runners.nothing:Runner", "the runner gpsfsm.runners.nothing:Runner cannot be"),
         ("../evil:Runner", "no runner is installed for demo/Grasp"),
         ("evil:Runner.__init__", "no runner is installed for demo/Grasp"),
@@ -140,7 +140,7 @@ def test_a_module_that_is_not_allowed_is_not_imported(
         described, allow=["wild_robot"], mode=Mode.SIMULATED
     )
     allow = ["wild_robot", "wild_broken"]
-    assert "is no runner" in refused(provider("wild_robot:Half"), allow=allow)
+    assert "is not a runner" in refused(provider("wild_robot:Half"), allow=allow)
     assert "has no Leg" in refused(provider("wild_robot:Leg"), allow=allow)
     assert "cannot be imported: ValueError: no" in refused(provider("wild_broken:X"), allow=allow)
     monkeypatch.delitem(sys.modules, "wild_robot", raising=False)
@@ -181,7 +181,7 @@ def test_installed_runners_that_do_not_fit(register: list[EntryPoint]) -> None:
     register.append(entry("demo/Grasp", "no_such_module:Runner"))
     assert "cannot be imported: ModuleNotFoundError" in refused(provider())
     register[:] = [entry("demo/Grasp", "os:sep")]
-    assert refused(provider()).startswith("the runner demo/Grasp = os:sep is no runner")
+    assert refused(provider()).startswith("the runner demo/Grasp = os:sep is not a runner")
     register[:] = [
         entry("demo/Grasp", f"{__name__}:Mine"),
         entry("demo/Grasp", f"{__name__}:Both"),
@@ -260,7 +260,7 @@ def test_what_a_runner_depends_on_is_looked_for_before_a_run(register: list[Entr
     assert problem.startswith("no runner is installed for demo/Arm")
     register.append(entry("demo/Arm", "os:sep"))
     (problem,) = Maker(both).problems(runners)
-    assert problem.startswith("the runner demo/Arm = os:sep is no runner")
+    assert problem.startswith("the runner demo/Arm = os:sep is not a runner")
     register[:] = [entry("demo/Arm", f"{__name__}:Mine")]
     assert Maker(both).problems(runners) == []
     assert len(Maker(LIBRARY).problems(runners)) == 1  # installed, but nobody tells what it does

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.replay import replay
+from tests.cases import many
 from tests.execution.journaling import (
     compiled,
     cut,
@@ -23,7 +24,7 @@ from tests.oracle import P, to_xml
 from tests.strategies import plans
 
 
-@settings(max_examples=40)
+@settings(max_examples=many(40))
 @given(plan=plans(min_runners=1), seed=st.integers(0, 10**6), data=st.data())
 def test_a_cut_anywhere_changes_nothing(plan: P, seed: int, data: st.DataObject) -> None:
     text = to_xml(plan)

@@ -21,6 +21,7 @@ from gpsfsm.execution.records import Kind, Status
 from gpsfsm.execution.replay import Comparing, replay, resume_into, simulate_again
 from gpsfsm.execution.runner import Runner, RunnerError, StopRequested
 from gpsfsm.execution.virtual import VirtualDriver
+from tests.cases import many
 from tests.execution.journaling import compiled, cut, ends_of_writes, exported
 from tests.execution.misbehaving import GUARDED, makes, sleeping
 from tests.execution.realtiming import WAIT_S, guarded, messages
@@ -107,7 +108,7 @@ def test_nothing_acts_any_more_when_its_end_is_recorded(whole: P, seed: int) -> 
     assert not driver.kernel.overdue
 
 
-@settings(max_examples=30)
+@settings(max_examples=many(30))
 @given(whole=plans(min_runners=1, max_runners=6), seed=st.integers(0, 10**6), data=st.data())
 def test_a_cut_anywhere_changes_nothing(whole: P, seed: int, data: st.DataObject) -> None:
     text = to_xml(whole)

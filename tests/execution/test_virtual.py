@@ -13,6 +13,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Status
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.execution.virtual import VirtualDriver
+from tests.cases import many
 from tests.execution.support import BEGIN, Listing, compiled_of, drive, kinds
 from tests.oracle import par_all, par_any, plan, rec, seq
 from tests.strategies import plans
@@ -203,7 +204,7 @@ def test_an_empty_plan_takes_no_time() -> None:
     assert driver.now_us() == 0
 
 
-@settings(max_examples=50)
+@settings(max_examples=many(50))
 @given(whole=plans(max_runners=8), seed=st.integers(0, 100))
 def test_the_driver_holds_what_the_kernel_thinks_it_does(whole: oracle.P, seed: int) -> None:
     class Lucky(Runner):

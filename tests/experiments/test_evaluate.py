@@ -119,7 +119,7 @@ def test_a_field_of_json_lines(tmp_path: Path) -> None:
     assert evaluate(tmp_path / "a.jsonl").stdout != whole.stdout
     done = evaluate(file, "--field", "a.b")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("error: --field is about JSON lines")
+    assert done.stderr.startswith("error: --field needs JSON lines")
     done = evaluate(FLAT / "responses.jsonl", "--totals")  # it holds times and no answers
     assert done.returncode == 2
     assert "| all | all | all | all | 10 | 0/0/0 (10 undecided) |" in done.stdout
@@ -130,6 +130,116 @@ def test_totals_are_the_rows_over_all_tasks() -> None:
     wanted = [row for row in rows(whole.stdout) if row["task"] == "all"]
     assert rows(totals.stdout) == wanted
     assert 0 < len(wanted) < len(rows(whole.stdout))
+
+
+def test_corrupted_answers_count_nowhere(tmp_path: Path) -> None:
+    """Named by a file or by a column of the labels: both give the same table."""
+    listed = tmp_path / "corrupted.csv"
+    listed.write_text(
+        "system,model,version,prompt,task,iteration\n"
+        "Fabric,small,,zeroshot,3,2\nfabric,large,base,oneshot,,\n,nobody,,,,\n"
+    )
+    done = evaluate(FLAT, "--totals", "--format", "csv", "--corrupted", listed)
+    assert done.returncode == 0
+    assert done.stderr.startswith(f"note: {listed}:4: names no answer of the experiment\n")
+    table = {(row["system"], row["model"], row["prompt"]): row for row in rows(done.stdout)}
+    row = table["fabric", "small", "zeroshot"]
+    names = ("answers", "corrupted", "success", "partial", "failed", "known", "timed")
+    assert [row[name] for name in names] == ["3", "1", "3", "0", "0", "3", "3"]
+    row = table["fabric", "large-base", "oneshot"]
+    assert [row[name] for name in names] == ["0", "2", "0", "0", "0", "0", "0"]
+    assert (row["mean_s"], row["deviation_s"]) == ("", "")
+    row = table["all", "all", "all"]
+    assert [row[name] for name in names] == ["7", "3", "4", "2", "1", "7", "7"]
+    labels = rows((FLAT / "labels.csv").read_text())
+    for each in labels:
+        corrupted = each["model"] == "large" and each["prompt"] == "oneshot"
+        corrupted |= each["path"] == "fabric/small/zeroshot/task3/02.xml"
+        each["corrupted"] = "yes" if corrupted else ""
+    out = io.StringIO()
+    writer = csv.DictWriter(out, labels[0].keys())
+    writer.writeheader()
+    writer.writerows(labels)
+    (tmp_path / "labels.csv").write_text(out.getvalue())
+    again = evaluate(FLAT, "--totals", "--format", "csv", "--labels", tmp_path / "labels.csv")
+    assert again.stdout == done.stdout
+    lines = evaluate(LINES, "--totals", "--format", "csv", "--labels", tmp_path / "labels.csv")
+    assert lines.stdout == done.stdout
+    (tmp_path / "labels.csv").write_text(out.getvalue().replace(",yes", ",perhaps"))
+    done = evaluate(FLAT, "--labels", tmp_path / "labels.csv")
+    assert done.returncode == 2
+    assert "'perhaps' in the column 'corrupted' is neither yes nor no" in done.stderr
+
+
+def test_families_have_rows_in_each_system_with_shares() -> None:
+    families = ("--family", "big=large*", "--family", "the rest=*")
+    lines = evaluate(FLAT, "--totals", *families).stdout.splitlines()
+    assert lines[0].startswith("| system | model | prompt | task | answers | S/P/F | S/P/F, % |")
+    shown = [line for line in lines if "| big |" in line or "| the rest |" in line]
+    assert shown[0].startswith("| btgenbot | the rest | all | all | 2 | 1/1/0 | 50.0/50.0/0.0 |")
+    assert shown[1].startswith("| fabric | big | all | all | 4 | 1/1/2 | 25.0/25.0/50.0 |")
+    assert shown[2].startswith("| fabric | the rest | all | all | 4 | 3/1/0 | 75.0/25.0/0.0 |")
+    assert len(shown) == 3
+    plain = evaluate(FLAT, "--totals", "--format", "csv")
+    with_rows = evaluate(FLAT, "--totals", "--format", "csv", *families)
+    assert set(plain.stdout.splitlines()) < set(with_rows.stdout.splitlines())
+    for wrong, message in (
+        ("big", "a family is NAME=PATTERN,..., such as GPT=gpt-*, not big"),
+        ("big= ,", "a family is NAME=PATTERN,..."),
+        ("all=*", "a family cannot be called all"),
+    ):
+        done = evaluate(FLAT, "--family", wrong)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert message in done.stderr
+
+
+def test_a_published_table_stands_beside_ours(tmp_path: Path) -> None:
+    published = tmp_path / "published.csv"
+    head = "system,model,version,prompt,success,partial,failed,mean_s,deviation_s\n"
+    published.write_text(
+        f"{head}fabric,small,,zeroshot,3,1,0,2.25,0.97\nfabric,large,base,zeroshot,1,0,1,26.25,18\n"
+        "fabric,none,,zeroshot,0,0,0,,\n"
+    )
+    text = evaluate(FLAT, "--compare", published).stdout
+    columns = "published S/P/F (N) | time, s | here S/P/F (N) | time, s | counts | times |"
+    _, _, compared = text.rpartition(f"| system | model | prompt | {columns}\n")
+    lines = compared.splitlines()[1:]
+    assert lines[:3] == [
+        "| fabric | small | zeroshot | 3/1/0 (4) | 2.25 ± 0.97 | 3/1/0 (4) | 2.25 ± 0.98 "
+        "| equal | equal |",
+        "| fabric | large-base | zeroshot | 1/0/1 (2) | 26.25 ± 18.00 | 0/1/1 (2) | 26.25 ± 19.45 "
+        "| differ | differ |",
+        "| fabric | none | zeroshot | 0/0/0 (0) | - | no answers here |  |  |  |",
+    ]
+    assert lines[-1] == (
+        "2 of 3 published rows have answers here: 1 with equal counts, 1 with times that are equal "
+        "to 0.01 s"
+    )
+    done = evaluate(FLAT, "--compare", published, "--format", "csv")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "a published table is compared in Markdown: --format md" in done.stderr
+    for line, message in (
+        ("fabric,small,,zeroshot,3,1,-1,,", ":2: '-1' is not a number of answers"),
+        ("fabric,small,,zeroshot,3,1,0,soon,", ":2: 'soon' is not a time"),
+        ("f,m,,p,1,1,1,,\nF,m,,p,1,1,1,,", ":3: there is a line of f/m/p already"),
+    ):
+        published.write_text(f"{head}{line}\n")
+        done = evaluate(FLAT, "--compare", published)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert f"{published}{message}" in done.stderr
+    published.write_text("system,model\n")
+    assert "the column 'prompt' is missing" in evaluate(FLAT, "--compare", published).stderr
+
+
+def test_the_papers_table_for_an_experiment_of_other_models() -> None:
+    done = evaluate(FLAT, "--paper")
+    assert done.returncode == 0
+    assert "| fabric | local models | all | all | 8 | 4/2/2 | 50.0/25.0/25.0 |" in done.stdout
+    assert (
+        "| fabric | gpt-4o | oneshot | 49/1/0 (50) | 2.51 ± 0.88 | no answers here |" in done.stdout
+    )
+    assert done.stdout.rstrip().splitlines()[-1].startswith("0 of 28 published rows have answers")
+    assert done.stderr.count("names no answer of the experiment") == 4
 
 
 def test_markdown_and_json(tmp_path: Path) -> None:

@@ -280,7 +280,7 @@ def test_what_is_lost_is_named() -> None:
     found = fixed(text)
     assert found.text == f"<Plan name='a'>{go(1, 2)}</Plan>"
     (fix,) = found.applied
-    assert fix.title == "'ID' written 'name', 'timeout' without effect removed"
+    assert fix.title == "'ID' changed to 'name', ineffective 'timeout' removed"
 
 
 def test_no_fix_hides_a_failure_behind_a_step_that_only_logs() -> None:
@@ -369,7 +369,7 @@ def test_an_edit_that_trades_one_finding_for_another_is_refused() -> None:
 def test_the_number_of_findings_before_and_after_is_that_of_two_checks() -> None:
     text = f"<Plan>{go(1, 2)}{say('a & b')}</Plan>"
     found = fixed(text)
-    assert [fix.title for fix in found.applied] == ["'&' written '&amp;' in <Runner>"]
+    assert [fix.title for fix in found.applied] == ["'&' changed to '&amp;' in <Runner>"]
     assert (found.before, len(found.report.findings)) == (2, 1)
 
 

@@ -11,7 +11,7 @@ from gpsfsm.model.capability import Interface, Provider
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gpsfsm.fuzzing import Campaign, Found
+    from gpsfsm.fuzzing import Campaign, Failure
 
 FREE = Library()
 """Nothing is known of any runner."""
@@ -54,7 +54,7 @@ def acts(subject: Subject, **fates: tuple[Fate, int] | Fate) -> TimedScenario:
     return TimedScenario(tuple(found))
 
 
-def strange(found: Found) -> dict[int, tuple[str, int]]:
+def strange(found: Failure) -> dict[int, tuple[str, int]]:
     """What is not plain in a scenario that was found."""
     plain = found.run.subject.plain.acts
     return {
@@ -65,4 +65,4 @@ def strange(found: Found) -> dict[int, tuple[str, int]]:
 
 
 def messages(campaign: Campaign) -> Sequence[tuple[str, str]]:
-    return [(found.broken.name, found.breach.message) for found in campaign.found]
+    return [(found.broken.name, found.breach.message) for found in campaign.failures]

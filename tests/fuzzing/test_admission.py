@@ -13,6 +13,7 @@ from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing import Fate, Run, run_campaign
 from gpsfsm.fuzzing.own_properties import property_of_function
 from gpsfsm.fuzzing.subject import draw
+from tests.cases import many
 from tests.fuzzing.support import acts, control, go, strange, subject
 
 SIX = [go(name) for name in "ABCDEF"]
@@ -29,7 +30,7 @@ TOGETHER = [
 """There is a scenario for all of them."""
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=many(25), deadline=None)
 @given(
     st.lists(st.sampled_from(TOGETHER), max_size=3, unique=True),
     st.booleans(),
@@ -73,7 +74,7 @@ def test_what_is_left_in_the_end_is_admitted() -> None:
 
     guarded = [part for each in SIX for part in (each, control("recovery", go("Other")))]
     known = subject(*guarded, assumptions=["E fails iff B fails", "A never fails"])
-    (found,) = run_campaign(known, [property_of_function(two_fail)], runs=100).found
+    (found,) = run_campaign(known, [property_of_function(two_fail)], runs=100).failures
     assert strange(found) == {2: ("FAILED", 1_000), 8: ("FAILED", 1_000)} or strange(found) == {
         4: ("FAILED", 1_000), 6: ("FAILED", 1_000),
     }  # fmt: skip
@@ -85,7 +86,7 @@ def test_equal_actions_are_made_plainer_together() -> None:
         return 0 not in run.outcomes or run.outcomes[0] == "SUCCEEDED"
 
     known = subject(*SIX, *SIX, consistent=True)
-    (found,) = run_campaign(known, [property_of_function(first_succeeds)], runs=60).found
+    (found,) = run_campaign(known, [property_of_function(first_succeeds)], runs=60).failures
     assert strange(found) == {0: ("FAILED", 1_000), 6: ("FAILED", 1_000)}
 
 

@@ -11,10 +11,11 @@ from hypothesis import given, settings
 
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.execution import kernel
-from gpsfsm.fuzzing import Breach, Fate, Found, Property, run_campaign, subject_of
+from gpsfsm.fuzzing import Breach, Failure, Fate, Property, run_campaign, subject_of
 from gpsfsm.fuzzing.campaign import MOST_BREACHES
 from gpsfsm.fuzzing.own_properties import property_of, property_of_function
 from gpsfsm.fuzzing.properties import default_properties, find_property
+from tests.cases import many
 from tests.cli.support import environment
 from tests.fuzzing.support import FREE, control, go, library, messages, strange, subject
 from tests.oracle import System, to_xml
@@ -32,7 +33,7 @@ def found_by(function, *children: str, runs: int = 150, seed: int = 0, **options
     """The one breach of a user's property, in its plainest form."""
     known = subject(*children, **options)
     campaign = run_campaign(known, [property_of_function(function)], runs=runs, seed=seed)
-    (found,) = campaign.found
+    (found,) = campaign.failures
     return found
 
 
@@ -87,7 +88,7 @@ def test_the_plainest_fault_is_left_and_a_strange_one_where_it_matters(seed: int
 def test_a_plan_without_defects_holds_all_properties() -> None:
     known = subject(*SIX[:3])
     campaign = run_campaign(known, default_properties(), runs=200)
-    assert campaign.found == []
+    assert campaign.failures == []
     assert campaign.held == ("ends", "no-orphan", "no-overlap", "replays")
     assert campaign.runs == 200
 
@@ -95,9 +96,9 @@ def test_a_plan_without_defects_holds_all_properties() -> None:
 def test_an_orphan_is_found_in_its_plainest_run() -> None:
     known = subject(control("parallel_any", go("A"), go("B")))
     campaign = run_campaign(known, [find_property("no-orphan")], runs=100)
-    assert [strange(found) for found in campaign.found] == [
+    assert [strange(found) for found in campaign.failures] == [
         {found.breach.numbers[0]: ("SUCCEEDED", 2_000)}  # together with the other it is none
-        for found in campaign.found
+        for found in campaign.failures
     ]
     assert messages(campaign) == [
         ("no-orphan", "A at line 1 column 36 is still active when the plan completes"),
@@ -112,7 +113,7 @@ def test_an_overlap_is_found() -> None:
         faults=("failed",),
     )
     campaign = run_campaign(known, [find_property("no-overlap")], runs=100)
-    (found,) = campaign.found
+    (found,) = campaign.failures
     assert strange(found) == {2: ("SUCCEEDED", 2_000)}
     assert found.breach.numbers == (2, 1)
     assert "both hold the resource 'base'" in found.breach.message
@@ -124,19 +125,19 @@ def test_a_runner_that_begins_when_another_ends_does_not_overlap() -> None:
         go("Turn"),
         known=library(Drive={"resources": ("base",)}, Turn={"resources": ("base",)}),
     )
-    assert run_campaign(known, [find_property("no-overlap")], runs=100).found == []
+    assert run_campaign(known, [find_property("no-overlap")], runs=100).failures == []
 
 
 def test_a_plan_that_waits_for_what_did_not_start_is_found() -> None:
     known = subject(control("parallel_any", *SIX[:3]), faults=("no-start",))
-    (found,) = run_campaign(known, [find_property("ends")], runs=100).found
+    (found,) = run_campaign(known, [find_property("ends")], runs=100).failures
     assert strange(found) == {0: ("NO_START", 1_000)}
     assert str(found.run.status) == "STUCK"
 
 
 def test_an_action_without_a_time_limit_that_hangs_is_found() -> None:
     known = subject(*SIX[:3], faults=("hang",), limit_s=None)
-    (found,) = run_campaign(known, [find_property("ends")], runs=100).found
+    (found,) = run_campaign(known, [find_property("ends")], runs=100).failures
     assert [act.fate for act in found.run.scenario.acts].count(Fate.HANG) == 1
     assert found.breach.message == "the plan waits for ever for A at line 1 column 7"
 
@@ -156,11 +157,11 @@ def test_an_executor_that_remembers_earlier_runs_does_not_replay(
     monkeypatch.setattr(kernel.Kernel, "_emit_outcome", forgetful)
     known = subject(*SIX[:2], control("recovery", go("Other")), faults=("failed",))
     campaign = run_campaign(known, [find_property("replays")], runs=50)
-    assert campaign.found
-    assert "replay" in campaign.found[0].breach.message
+    assert campaign.failures
+    assert "replay" in campaign.failures[0].breach.message
 
 
-@settings(max_examples=15)
+@settings(max_examples=many(15))
 @given(plans(min_runners=1, max_runners=4))
 def test_the_fewest_failures_are_those_of_the_brute_force(whole) -> None:
     known = subject_of(to_xml(whole), faults=("failed",), library=FREE)
@@ -174,12 +175,12 @@ def test_the_fewest_failures_are_those_of_the_brute_force(whole) -> None:
         if run.gave_up
         for bad in (tuple(n for n, each in enumerate(run.outcomes) if each != "SUCCEEDED"),)
     ]
-    assert [found.run.scenario.faults for found in campaign.found] == (
+    assert [found.run.scenario.faults for found in campaign.failures] == (
         [min(gives_up)[1]] if gives_up else []
     )
 
 
-@settings(max_examples=15)
+@settings(max_examples=many(15))
 @given(plans(min_runners=1, max_runners=4))
 def test_what_is_stuck_and_what_is_an_orphan_is_so_by_brute_force(whole) -> None:
     known = subject_of(to_xml(whole), faults=("failed", "no-start"), library=FREE)
@@ -190,7 +191,7 @@ def test_what_is_stuck_and_what_is_an_orphan_is_so_by_brute_force(whole) -> None
     system = System(whole, frozenset({"no-start"}))
     runs = list(system.allowed(consistent=False, constraint=None))
     orphans = {path for run in runs for path in run.orphans()}
-    for found in campaign.found:
+    for found in campaign.failures:
         if found.broken.name == "ends":
             assert any(run.stuck for run in runs)
         else:
@@ -204,8 +205,8 @@ def test_the_same_seed_finds_the_same_and_runs_are_counted() -> None:
         known, default_properties(), runs=60, seed=5, progress=lambda done, _: ticks.append(done)
     )
     other = run_campaign(known, default_properties(), runs=60, seed=5)
-    assert [(f.breach, f.run.scenario) for f in one.found] == [
-        (f.breach, f.run.scenario) for f in other.found
+    assert [(f.breach, f.run.scenario) for f in one.failures] == [
+        (f.breach, f.run.scenario) for f in other.failures
     ]
     assert ticks == list(range(1, 61))
 
@@ -250,7 +251,7 @@ def test_two_processes_find_the_same_as_one() -> None:
     known = subject(control("parallel_any", *SIX[:3]), go("D"))
     wanted = [*default_properties(), find_property("completes")]
     ticks: list[int] = []
-    kept: list[Found] = []
+    kept: list[Failure] = []
     found = [
         run_campaign(
             known,
@@ -263,14 +264,14 @@ def test_two_processes_find_the_same_as_one() -> None:
         for jobs in (1, 2)
     ]
 
-    def told(several: list[Found]) -> list[object]:
+    def told(several: list[Failure]) -> list[object]:
         return [(one.broken.name, one.breach, one.run.scenario) for one in several]
 
-    assert found[0].found
-    assert told(found[0].found) == told(found[1].found)
+    assert found[0].failures
+    assert told(found[0].failures) == told(found[1].failures)
     half = len(kept) // 2
     assert told(kept[:half]) == told(kept[half:])
-    assert half == len(found[0].found)
+    assert half == len(found[0].failures)
     assert [each.runs for each in found] == [150, 150]
     assert ticks == [*range(1, 151), *range(1, 151)]
 
@@ -283,7 +284,7 @@ def test_a_time_budget_ends_the_campaign_of_several_processes() -> None:
     )  # fmt: skip
     assert campaign.cut_off
     assert campaign.runs == 4 * 32  # so many chunks were begun
-    assert len(campaign.found) == 1
+    assert len(campaign.failures) == 1
 
 
 def test_a_property_that_no_other_process_can_know_is_refused() -> None:
@@ -305,7 +306,7 @@ def test_of_very_many_kinds_of_breaches_the_first_are_told() -> None:
         return [Breach("told", (), (str(number),)) for number in range(30)]
 
     campaign = run_campaign(subject(go("A")), [Property("many", "few", check)], runs=2)
-    assert len(campaign.found) == MOST_BREACHES
+    assert len(campaign.failures) == MOST_BREACHES
     assert campaign.more == {"many": 30 - MOST_BREACHES}
 
 

@@ -21,7 +21,7 @@ CHILDREN = (go("A"), control("recovery", go("B")), go("C"))
 
 def kept(folder: Path) -> Path:
     known = subject(*CHILDREN, faults=("failed", "late"), limit_s=30.0)
-    (found,) = run_campaign(known, [find_property("completes")], runs=30).found
+    (found,) = run_campaign(known, [find_property("completes")], runs=30).failures
     return keep_case(found, plan(*CHILDREN), str(folder), seed=4)
 
 
@@ -65,8 +65,8 @@ def test_no_folder_is_no_cases(tmp_path: Path) -> None:
         ({"time_limit_s": -1}, "time_limit_s"),
         ({"time_limit_s": "1"}, "time_limit_s"),
         ({"seed": True}, "seed must be an integer"),
-        ({"plan": None}, "is no case"),
-        ({"property": 3}, "3 is no text"),
+        ({"plan": None}, "is not a case"),
+        ({"property": 3}, "3 is not a text"),
         ({"acts": [{"element": "/Plan", "fate": "DIES", "duration_ms": 1}]}, "DIES"),
         ({"acts": [{"element": "/Plan", "fate": "HANG", "duration_ms": 0}]}, "duration_ms"),
         ({"acts": [{"element": "/Plan", "fate": "HANG", "duration_ms": 0.0004}]}, "duration_ms"),
@@ -75,7 +75,7 @@ def test_no_folder_is_no_cases(tmp_path: Path) -> None:
             {"acts": [{"element": "/Plan", "fate": "HANG", "duration_ms": float("nan")}]},
             "duration_ms",
         ),
-        ({"acts": 7}, "is no case"),
+        ({"acts": 7}, "is not a case"),
     ],
 )
 def test_a_file_that_is_no_case_is_refused(
@@ -92,7 +92,7 @@ def test_a_file_that_is_no_case_is_refused(
 def test_a_hostile_file_is_refused(tmp_path: Path, content: str) -> None:
     path = tmp_path / "case.json"
     path.write_text(content)
-    with pytest.raises(InputError, match=r"case\.json: is no"):
+    with pytest.raises(InputError, match=r"case\.json(:1:\d+)?: is no"):
         read_case(str(path))
 
 
@@ -100,5 +100,5 @@ def test_what_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         read_case(str(tmp_path / "missing.json"))
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="is no folder"):
+    with pytest.raises(InputError, match="is not a folder"):
         cases_in(str(tmp_path / "file"))

@@ -87,7 +87,7 @@ def test_a_run_that_goes_on_is_cut_off_and_breaks_nothing() -> None:
     names = ("ends", "completes", "no-orphan", "no-overlap", "replays")
     assert [[*find_property(name).check(run)] for name in names] == [[]] * 5
     campaign = run_campaign(each, default_properties(), runs=40)
-    assert not campaign.found
+    assert not campaign.failures
     assert 0 < campaign.unended < 40
 
 
@@ -209,7 +209,7 @@ def test_a_case_of_a_machine_is_played_again(tmp_path: Path) -> None:
     wanted = scenario(each, a=[F, F, S], b=[S, F])
     run = play(each, wanted)
     (breach,) = find_property("ends").check(run)
-    found = gpsfsm.fuzzing.Found(find_property("ends"), breach, run)
+    found = gpsfsm.fuzzing.Failure(find_property("ends"), breach, run)
     file = tmp_path / "case.json"
     file.write_text(case_text(found, str(MachineRows(each.plan))))  # type: ignore[arg-type]
     case = read_case(str(file))
@@ -229,7 +229,7 @@ def test_properties_of_ones_own_see_every_visit() -> None:
 
     report = gpsfsm.fuzz(machine(*LOOP), runs=100, faults=["failed"], properties=[three_visits])
     assert [finding.name for finding in report.findings] == ["three_visits"]
-    (found,) = report.campaign.found
+    (found,) = report.campaign.failures
     assert [number for number, act in enumerate(found.run.scenario.acts) if act.fate is F] == [0, 1]
 
 

@@ -13,7 +13,12 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing import Fate, Property, play, run_campaign, subject_of
 from gpsfsm.fuzzing.own_properties import property_of, property_of_task
-from gpsfsm.fuzzing.properties import default_properties, find_property, property_names
+from gpsfsm.fuzzing.properties import (
+    default_properties,
+    find_property,
+    guarded,
+    property_names,
+)
 from gpsfsm.tasks.deciding import decide_task
 from gpsfsm.tasks.load import read_task
 from tests.fuzzing.support import FREE, acts, control, go, messages, strange, subject
@@ -69,26 +74,34 @@ def test_other_packages_add_properties(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "importlib.metadata.entry_points", lambda *, group: [entry] * (group == entry.group)
     )
-    assert find_property("order") is theirs
+    own = find_property("order")
+    assert (own.name, own.holds) == (theirs.name, theirs.holds)
+    assert run_campaign(subject(go("A")), [own], runs=3).failures == []
     with pytest.raises(UsageError, match="replays, order"):
         find_property("other")
 
 
+def test_a_failure_in_the_property_of_another_package_is_its_own() -> None:
+    theirs = guarded(Property("order", "it is in order", lambda run: 1 // 0))
+    with pytest.raises(UsageError, match="order cannot be checked: ZeroDivisionError: integer"):
+        run_campaign(subject(go("A")), [theirs], runs=3)
+
+
 def test_a_plan_that_does_what_the_task_asks_for_holds_it() -> None:
     known = subject(go("A"), control("recovery", go("C")), go("B"), go("Say"))
-    assert run_campaign(known, [property_of_task(rounds())], runs=150).found == []
+    assert run_campaign(known, [property_of_task(rounds())], runs=150).failures == []
 
 
 def test_a_missing_alternative_is_found_with_the_failure_that_shows_it() -> None:
     known = subject(go("A"), go("B"))
-    (found,) = run_campaign(known, [property_of_task(rounds())], runs=50).found
+    (found,) = run_campaign(known, [property_of_task(rounds())], runs=50).failures
     assert strange(found) == {0: ("FAILED", 1_000)}
     assert found.breach.about[0] == "GP605"
 
 
 def test_a_broken_rule_is_found_with_the_failure_that_shows_it() -> None:
     known = subject(go("A"), control("recovery", go("Say"), go("C")), go("B"))
-    found = run_campaign(known, [property_of_task(rounds())], runs=60).found
+    found = run_campaign(known, [property_of_task(rounds())], runs=60).failures
     (broken,) = [each for each in found if each.breach.about[0] == "GP608"]
     assert strange(broken) == {0: ("FAILED", 1_000)}
     assert broken.breach.numbers == (1,)
@@ -110,7 +123,7 @@ def test_what_starts_at_the_instant_of_the_end_has_started() -> None:
     twice = go("GoRunner") * 2
     known = subject(control("parallel_any", twice, control("sequential")), faults=("failed",))
     campaign = run_campaign(known, [property_of_task(read_task(TASK))], runs=20)
-    assert [found.breach.about[0] for found in campaign.found] == ["GP604"]
+    assert [found.breach.about[0] for found in campaign.failures] == ["GP604"]
 
 
 @settings(max_examples=25)
@@ -125,7 +138,7 @@ def test_what_runs_break_the_decision_procedure_finds_too(whole) -> None:
     compiled = compile_plan(known.plan)
     decision = decide_task(compiled, constraints_of(known.plan), task)
     codes = {departure.rule for departure in decision.departures}
-    assert {found.breach.about[0] for found in campaign.found} <= codes
+    assert {found.breach.about[0] for found in campaign.failures} <= codes
     if decision.fulfilled:
         assert messages(campaign) == []
 

@@ -28,10 +28,10 @@ def test_all_orphans_that_there_can_be_are_found(name: str) -> None:
     assert facts is not None
     wanted = [find_property("no-orphan"), find_property("completes")]
     campaign = run_campaign(subject_of(text, faults=("failed",)), wanted, runs=1_000)
-    orphans = [found for found in campaign.found if found.broken.name == "no-orphan"]
+    orphans = [found for found in campaign.failures if found.broken.name == "no-orphan"]
     assert sorted(found.breach.about[0] for found in orphans) == sorted(facts.orphans)
     assert all(len(found.run.scenario.faults) <= 1 for found in orphans)
-    (gives_up,) = campaign.found[len(orphans) :]
+    (gives_up,) = campaign.failures[len(orphans) :]
     assert len(gives_up.run.scenario.faults) == facts.fewest_failures_to_give_up
 
 
@@ -48,7 +48,7 @@ def test_what_is_found_in_real_plans_is_among_the_facts(shared_corpus: Path) -> 
         (report,) = gpsfsm.check(file.read_bytes(), faults=["no-start"]).plans
         campaign = run_campaign(subject, default_properties(), runs=RUNS)
         assert report.facts is not None
-        for found in campaign.found:
+        for found in campaign.failures:
             if found.broken.name == "ends":
                 assert report.facts.stuck != "never", file
             elif found.broken.name == "no-orphan":

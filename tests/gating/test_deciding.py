@@ -21,7 +21,7 @@ from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.gating import GateOptions, Reason, gate_text, refusal
-from gpsfsm.gating.deciding import digests_of
+from gpsfsm.gating.deciding import digests_of, reason_of
 from gpsfsm.gating.receipts import write_receipt
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Frequency, Report
@@ -354,7 +354,7 @@ def test_a_deadline_allows_for_what_a_real_run_adds(
     if not accepted:
         (finding,) = verdict.findings
         assert finding.rule == "GP502"
-        assert "a deadline holds for declared durations, not for a loaded machine" in str(
+        assert "a deadline applies to declared durations, not to a loaded machine" in str(
             finding.message
         )
     exact = check_text(_waits(count, 0.1), "plan.xml", options.check)
@@ -383,3 +383,13 @@ def test_a_verdict_is_data_as_in_the_receipt(text: str) -> None:
     (entry,) = json.loads(write_receipt([verdict]))["plans"]
     assert verdict.to_dict() == entry
     assert (entry["path"], entry["verdict"]) == ("a.xml", verdict.decision.value)
+
+
+def test_what_kept_a_plan_from_being_proved_is_told_without_a_finding_as_well() -> None:
+    """A check accepts such a plan, and a run asks the gate for the reason not to run it."""
+    both = f"<Plan><Control type='parallel_all'>{RUNNER}{RUNNER}</Control>{RUNNER}</Plan>"
+    options = CheckOptions(analysis=AnalysisOptions(rlimit=1))
+    report = check_text(both, "plan.xml", options)
+    assert report.verdict is CheckVerdict.ACCEPTED
+    wanted = Reason.INCONCLUSIVE, "not proved: over --rlimit"
+    assert reason_of(report, GateOptions()) == wanted

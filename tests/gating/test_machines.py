@@ -17,6 +17,7 @@ from gpsfsm.checking import CheckOptions
 from gpsfsm.gating.deciding import Reason
 from gpsfsm.model.report import Frequency
 from tests.analysis.machines.random_machines import machine, machines
+from tests.cases import many
 
 
 def text_of(graph: Any) -> str:
@@ -101,7 +102,7 @@ def test_a_model_answers_no_machine() -> None:
     assert not gpsfsm.gate(LOOP, from_response=True, budget_ms=None)
 
 
-@settings(max_examples=80)
+@settings(max_examples=many(80))
 @given(machines())
 def test_what_the_gate_accepts_the_check_accepts(graph: Any) -> None:
     text = text_of(graph)

@@ -70,9 +70,9 @@ JUNK = st.dictionaries(
 
 @given(JUNK)
 def test_what_is_none_is_refused(data: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match="no attempt that gpsfsm has kept"):
+    with pytest.raises(InputError, match="not an attempt that gpsfsm recorded"):
         attempt_of({**data, "asked": 3})
-    with pytest.raises(InputError, match="no attempt that gpsfsm has kept"):
+    with pytest.raises(InputError, match="not an attempt that gpsfsm recorded"):
         session_of(data)
 
 

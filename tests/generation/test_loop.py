@@ -158,7 +158,7 @@ def test_what_has_come_when_a_search_is_stopped_is_kept() -> None:
 
     asyncio.run(stopped())
     (attempt,) = kept
-    assert (attempt.candidate, attempt.asked) == (1, "Task: go")
+    assert (attempt.candidate, attempt.message) == (1, "Task: go")
     assert attempt.answer is not None
     assert attempt.answer.text == "bad 1"
     assert attempt.problem == "the search was stopped before this answer was judged"

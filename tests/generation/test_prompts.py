@@ -238,7 +238,9 @@ def test_templates_are_found_by_name_and_version() -> None:
     assert "plan.1" in template_names()
     assert find_template("plan").id == [n for n in template_names() if n.startswith("plan.")][-1]
     assert find_template("plan.1").sha256 == find_template("plan.1").sha256
-    with pytest.raises(UsageError, match=r"there is no prompt template 'plan\.99'; known are .*pl"):
+    with pytest.raises(
+        UsageError, match=r"there is no prompt template 'plan\.99'; the templates are .*pl"
+    ):
         find_template("plan.99")
 
 

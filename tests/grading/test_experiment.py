@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from gpsfsm.errors import InputError
-from gpsfsm.grading.experiment import Cell, Key, read_experiment
+from gpsfsm.grading.experiment import Cell, Key, mark_corrupted, read_experiment
 from gpsfsm.grading.grader import Grade
 from gpsfsm.grading.tables import combined, moments_of, pooled_deviation
 
@@ -97,7 +97,7 @@ def record(**changes: object) -> str:
         ("responses.jsonl", "{}\n", "responses.jsonl:1: 'system' must be text"),
         ("responses.jsonl", record() + "\n[1]\n", ":2: this is not a JSON object"),
         ("responses.jsonl", record(task="1"), ":1: 'task' must be a whole number"),
-        ("responses.jsonl", record(latency_s="soon"), ":1: 'soon' is no time"),
+        ("responses.jsonl", record(latency_s="soon"), ":1: 'soon' is not a time"),
         ("responses.jsonl", "[" * 100_000, ":1: this is not JSON"),
         (f"Fabric/{TIMES}", "Task,Model\n", ":1: the column 'Version' is missing"),
         (f"Fabric/{TIMES}", "Task,Model,Version,Prompt,Itr1\nx,m,,one,1\n", ":2: the task must be"),
@@ -190,3 +190,36 @@ def test_moments_of_the_recorded_times(shared_corpus: Path) -> None:
         assert together.deviation == pytest.approx(statistics.stdev(times))
         variances = [statistics.variance(cells[cell]) for cell in cells if cell[:3] == name]
         assert pooled_deviation(groups) == pytest.approx(statistics.fmean(variances) ** 0.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("system,model\n", ":1: the column 'prompt' is missing"),
+        ("system,model,prompt\n,,\n", ":2: this line names no answer in particular"),
+        ("system,model,prompt,version\ns,,p,base\n", ":2: there is a version without a model"),
+        ("system,model,prompt,task\ns,m,p,1\ns,m,p,two\n", ":3: 'task' and 'iteration' must be"),
+    ],
+)
+def test_a_list_of_corrupted_answers_that_is_wrong(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "corrupted.csv"
+    file.write_text(text)
+    with pytest.raises(InputError) as raised:
+        mark_corrupted([], str(file))
+    assert str(raised.value).startswith(f"{file}{message}")
+
+
+def test_what_is_empty_in_a_list_of_corrupted_answers_may_be_anything(tmp_path: Path) -> None:
+    file = tmp_path / "corrupted.csv"
+    answers = read_experiment(str(SAMPLE / "flat"))
+    for line, wanted in (
+        ("fabric,,,", lambda key: key.cell.system == "fabric"),
+        (",small,,3", lambda key: (key.cell.model, key.cell.task) == ("small", 3)),
+        (",,zeroshot,", lambda key: key.cell.prompt == "zeroshot"),
+    ):
+        file.write_text(f"system,model,prompt,task\n{line}\n")
+        marked, unused = mark_corrupted(answers, str(file))
+        assert [one.corrupted for one in marked] == [wanted(one.key) for one in answers]
+        assert any(one.corrupted for one in marked)
+        assert not all(one.corrupted for one in marked)
+        assert unused == []

@@ -50,7 +50,7 @@ def test_the_check_tells_it() -> None:
         "only LogRunner (text=lost) at line 6 succeeds then"
     )
     assert finding.scenario is not None
-    assert finding.scenario.story[-1] == "the plan completes all the same"
+    assert finding.scenario.story[-1] == "the plan completes anyway"
     assert "GP315" not in {each.rule for each in checked(HONEST).findings}
 
 
@@ -81,4 +81,4 @@ def test_a_model_is_told_so() -> None:
     report = gpsfsm.check(HIDING)
     told = render(report, "llm")
     assert "GP315" in told
-    assert "put another way to reach the goal in its place" in told
+    assert "replace it with another way to reach the goal" in told

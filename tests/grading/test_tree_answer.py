@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from gpsfsm.grading.grader import Grader
 from gpsfsm.grading.tree_answer import holds_tree_answer, read_tree_answer
 from gpsfsm.tasks.load import load_task, read_task
+from tests.cases import many
 
 WORDS = b"""
 interface: Drive
@@ -186,7 +187,7 @@ def trees() -> st.SearchStrategy[str]:
 
 
 @given(trees())
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 def test_the_gist_of_a_plain_tree_is_what_it_does(tree: str) -> None:
     """A wrong name of a port changes the syntax, and nothing else."""
     right, wrong = (

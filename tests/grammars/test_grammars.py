@@ -246,7 +246,7 @@ def test_schema_path(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["", "dtd", ".rng", "../gpsfsm-plan.rng", "plan.rng", "RNG"])
 def test_unknown_schema(name: str) -> None:
-    with pytest.raises(UsageError, match=r"there are gpsfsm-plan\.rnc, gpsfsm-plan\.rng, "):
+    with pytest.raises(UsageError, match=r"the schemas are gpsfsm-plan\.rnc, gpsfsm-plan\.rng, "):
         schema_path(name)
 
 

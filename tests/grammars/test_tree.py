@@ -132,7 +132,7 @@ def test_depth_is_bounded() -> None:
         (
             '{"plan": [{"interface": "a", "speed": 1}]}',
             "plan[0]: the key 'speed' is unknown; "
-            "known here: 'interface', 'provider', 'parameters'",
+            "the keys here are 'interface', 'provider', 'parameters'",
         ),
         (
             '{"plan": [{"control": "recovery", "steps": [{"control": 1, "steps": []}]}]}',
@@ -173,7 +173,10 @@ def test_depth_is_bounded() -> None:
             " " * (MAX_CHARACTERS + 1),
             "the answer has 4,194,305 characters; a plan in JSON has at most 4,194,304",
         ),
-        ('{"\\u001b[31m": 1}', "the answer: the key '\\x1b[31m' is unknown; known here: 'plan'"),
+        (
+            '{"\\u001b[31m": 1}',
+            "the answer: the key '\\x1b[31m' is unknown; the keys here are 'plan'",
+        ),
     ],
     ids=range(20),
 )

@@ -114,7 +114,7 @@ def test_hover_tells_a_scenario(editor: Editor) -> None:
     assert scenario is not None
     editor.diagnostics(uri)
     found = editor.at(uri, "textDocument/hover", text.index("<Control"))["contents"]["value"]
-    assert f"A run that ends {scenario.ends.value}:" in found
+    assert f"Scenario in which {scenario.ending}:" in found
     assert f"1. {scenario.story[0]}" in found.replace("\\", "")
 
 

@@ -18,6 +18,7 @@ from gpsfsm.model.drawing import (
 )
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import ControlType
+from tests.cases import many
 from tests.model.plans import PlanBuilder, single, tour
 
 HOSTILE = (
@@ -128,7 +129,7 @@ class TestDot:
 
     @needs_graphviz
     @given(ANY_TEXT)
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=many(25), deadline=None)
     def test_graphviz_reads_any_text(self, text: str) -> None:
         found = graphviz(automaton_to_dot(single(text or "x", a=text)))
         objects = found["objects"]

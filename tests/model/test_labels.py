@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from gpsfsm.model.labels import action, brief
+from gpsfsm.compile import compile_plan
+from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.labels import action, brief, node_label
 from gpsfsm.syntax import parse
 
 
@@ -27,6 +30,23 @@ def test_what_tells_runners_apart_comes_first(written: str, named: str) -> None:
     plan = parse(f"<Plan><Runner {written}/></Plan>", file="p.xml").plan
     assert plan is not None
     assert action(plan.runners[0]) == named
+
+
+def test_a_node_of_a_tree_is_labelled_with_its_action_and_the_number_of_its_use() -> None:
+    tree = """<root BTCPP_format="4"><BehaviorTree ID="Main"><ReactiveSequence>
+    <Action ID="Speak" text="hello"/>
+    <RetryUntilSuccessful num_attempts="2"><Action ID="MoveBase" name="home" x="1"/>
+    </RetryUntilSuccessful></ReactiveSequence></BehaviorTree></root>"""
+    plan = read_plan(tree).plan
+    assert plan is not None
+    automaton = compile_plan(plan).automaton
+    labels = [node_label(automaton, n) for n in automaton.nodes if n.kind is NodeKind.RUNNER]
+    assert {
+        ("Speak", "text=hello", "line 2"),
+        ("MoveBase", "name=home, x=1", "line 3"),
+        ("MoveBase@2", "name=home, x=1", "line 3"),
+    } <= set(labels)
+    assert not [label for label in labels if label[0].startswith("Action")]
 
 
 def test_a_text_is_one_short_line() -> None:

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpsfsm.picture.layered import layered
+from tests.cases import many
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +59,7 @@ def graphs(draw: st.DrawFn) -> tuple[list[tuple[float, float]], list[tuple[int, 
 
 
 @given(graphs(), st.booleans())
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 def test_any_graph(
     graph: tuple[list[tuple[float, float]], list[tuple[int, int]]], bundled: bool
 ) -> None:
@@ -143,3 +144,14 @@ def test_hundreds_of_nodes_that_lead_to_one() -> None:
     edges = [*chain, *((number, count - 1) for number in range(count - 1))]
     bundles = ["on"] * (count - 1) + ["out"] * (count - 1)
     check(layered([SIZE] * count, edges, bundles=bundles), edges)
+
+
+def test_long_edges_of_a_graph_beyond_reading_are_straight_and_soon_drawn() -> None:
+    chain = 800
+    edges = [*pairwise(range(chain)), *((node, node // 2) for node in range(2, chain))]
+    drawn = layered([SIZE] * chain, edges)  # places in all layers would be 160,000
+    assert [len(route) for route in drawn.routes] == [2] * len(edges)
+    route = drawn.routes[edges.index((700, 350))]
+    assert on_border(route[0], drawn.boxes[700])
+    assert on_border(route[-1], drawn.boxes[350])
+    assert drawn == layered([SIZE] * chain, edges)

@@ -13,6 +13,7 @@ from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.picture import Box, Layout, layout
 from gpsfsm.syntax import Limits, parse
+from tests.cases import many
 from tests.picture.support import (
     automaton_of,
     control,
@@ -43,14 +44,14 @@ def centre(box: Box) -> float:
 
 
 @given(plans(max_runners=12))
-@settings(max_examples=30)
+@settings(max_examples=many(30))
 def test_boxes_of_plans(plan: P) -> None:
     found = layout(compile_plan(plan_of(plan)).automaton)
     well_placed(found, whole(found))
 
 
 @given(plans(max_runners=14))
-@settings(max_examples=30)
+@settings(max_examples=many(30))
 def test_boxes_of_folded_plans(plan: P) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(LAYOUT, "_LONGEST", 300.0)
@@ -60,7 +61,7 @@ def test_boxes_of_folded_plans(plan: P) -> None:
 
 
 @given(trees())
-@settings(max_examples=30)
+@settings(max_examples=many(30))
 def test_boxes_of_behaviour_trees(text: str) -> None:
     plan = read_plan(text).plan
     if plan is not None:

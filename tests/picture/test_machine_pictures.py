@@ -15,9 +15,10 @@ from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.drawing import machine_to_text, open_events
 from gpsfsm.model.labels import drawn_nodes
 from gpsfsm.picture import automaton_to_svg
-from gpsfsm.picture.layout import flat_layout
+from gpsfsm.picture.layout import draws_stops, flat_layout
 from gpsfsm.viewing.picture import automaton_data
 from tests.analysis.machines.random_machines import automaton_of, machine, machines
+from tests.cases import many
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -30,6 +31,13 @@ DOOR = machine(
     "watch SUCCEEDED stop drive",
     "drive STOPPED drive",
     "drive SUCCEEDED end",
+)
+
+REACTIVE = machine(
+    *("start SUCCEEDED check", "check SUCCEEDED look", "look SUCCEEDED drive"),
+    "drive SUCCEEDED end",
+    *("check FAILED stop look", "check FAILED stop drive", "look FAILED stop check"),
+    *("look FAILED stop drive", "drive FAILED stop check", "drive FAILED stop look"),
 )
 
 
@@ -58,7 +66,7 @@ def in_mermaid(text: str) -> list[tuple[int, str, int, bool]]:
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=many(150), deadline=None)
 @given(machines())
 def test_every_connection_is_in_every_picture(graph: nx.MultiDiGraph[Any]) -> None:
     plan, _ = machine_of(graph)
@@ -73,8 +81,11 @@ def test_every_connection_is_in_every_picture(graph: nx.MultiDiGraph[Any]) -> No
         (edge["source"], edge["event"], edge["target"], edge.get("stops", False))
         for edge in data["edges"]
     )
-    assert all(len(edge["route"]) >= 4 for edge in data["edges"])
-    svg = etree.fromstring(automaton_to_svg(automaton).encode())
+    routed = [edge for edge in data["edges"] if len(edge["route"]) >= 4]
+    bare = 0 if draws_stops(automaton) else len(automaton.stops)
+    assert len(routed) == len(wanted) - bare
+    assert all(edge.get("stops") for edge in data["edges"] if edge not in routed)
+    svg = etree.fromstring(automaton_to_svg(automaton, all_stops=True).encode())
     lines = [each for each in svg.iter("{*}path") if "edge" in each.get("class", "").split()]
     assert len(lines) == len(wanted)
     bars = [each for each in lines if each.get("marker-end") == "url(#gpsfsm-stop)"]
@@ -84,7 +95,7 @@ def test_every_connection_is_in_every_picture(graph: nx.MultiDiGraph[Any]) -> No
     assert listed.count(" stops → ") == len(automaton.stops)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=many(150), deadline=None)
 @given(machines())
 def test_nothing_overlaps_and_lines_begin_and_end_at_their_nodes(
     graph: nx.MultiDiGraph[Any],
@@ -111,7 +122,7 @@ def test_nothing_overlaps_and_lines_begin_and_end_at_their_nodes(
         assert all(0 <= x <= width and 0 <= y <= height for x, y in edge.route)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=many(60), deadline=None)
 @given(machines())
 def test_json_and_graphml_are_read_as_the_same_machine(graph: nx.MultiDiGraph[Any]) -> None:
     plan, _ = machine_of(graph)
@@ -164,6 +175,41 @@ def test_mermaid_of_a_small_machine() -> None:
         "  classDef open fill:none,stroke:#6e7781\n"
         "  class open1_FAILED,open2_FAILED open\n"
     )
+
+
+def picture_of(
+    graph: nx.MultiDiGraph[Any], **options: bool
+) -> tuple[etree._Element, list[etree._Element]]:
+    """The picture of a machine, and the lines in it that stop a node."""
+    svg = etree.fromstring(automaton_to_svg(automaton_of(graph), **options).encode())
+    return svg, [
+        each for each in svg.iter("{*}path") if each.get("class", "").startswith("edge stop")
+    ]
+
+
+def test_many_stops_are_counted_instead_of_drawn() -> None:
+    automaton = automaton_of(REACTIVE)
+    assert len(automaton.stops) > len(automaton.edges)
+    svg, stops = picture_of(REACTIVE)
+    assert stops == []
+    [note] = [each for each in svg.iter("{*}text") if each.get("class") == "note"]
+    assert f"Not drawn: {len(automaton.stops)} connections that stop a node" in (note.text or "")
+    assert float(note.get("y", "")) < float(svg.get("height", ""))
+    assert not any(
+        " stops" in (each.text or "") for each in svg.iter("{*}text") if each is not note
+    )
+    titles = " ".join(each.text or "" for each in svg.iter("{*}title"))
+    assert "FAILED stops look, drive" in titles, "tooltips list what a node stops"
+
+
+def test_all_stops_are_drawn_on_request_and_where_they_are_few() -> None:
+    automaton = automaton_of(REACTIVE)
+    svg, stops = picture_of(REACTIVE, all_stops=True)
+    assert len(stops) == len(automaton.stops)
+    assert not [each for each in svg.iter("{*}text") if each.get("class") == "note"]
+    door, bars = picture_of(DOOR)
+    assert len(bars) == len(automaton_of(DOOR).stops) == 1
+    assert not [each for each in door.iter("{*}text") if each.get("class") == "note"]
 
 
 def test_svg_of_a_small_machine_names_its_events() -> None:

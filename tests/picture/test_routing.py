@@ -15,6 +15,7 @@ from gpsfsm.model.event import Event
 from gpsfsm.picture import layout
 from gpsfsm.picture.cells import failing_joins
 from gpsfsm.picture.routing import Merging, Router
+from tests.cases import many
 from tests.picture.support import automaton_of, control, engine_automaton, runner, tree, trees
 from tests.strategies import plans
 from tests.support import plan_of
@@ -63,14 +64,14 @@ def routes(automaton: Automaton, *, around: bool) -> None:
 
 
 @given(plans(max_runners=12))
-@settings(max_examples=30)
+@settings(max_examples=many(30))
 def test_no_edge_of_a_plan_runs_through_a_node(plan: P) -> None:
     for chain in (False, True):
         routes(compile_plan(plan_of(plan), start_chain=chain).automaton, around=True)
 
 
 @given(plans(max_runners=14))
-@settings(max_examples=30)
+@settings(max_examples=many(30))
 def test_nor_if_it_is_folded(plan: P) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(LAYOUT, "_LONGEST", 500.0)
@@ -79,7 +80,7 @@ def test_nor_if_it_is_folded(plan: P) -> None:
 
 
 @given(trees())
-@settings(max_examples=30)
+@settings(max_examples=many(30))
 def test_edges_of_behaviour_trees(text: str) -> None:
     """Where nodes swap success and failure, an edge may have to cross what it does not concern."""
     plan = read_plan(text).plan
@@ -88,7 +89,7 @@ def test_edges_of_behaviour_trees(text: str) -> None:
 
 
 @given(plans(max_runners=8))
-@settings(max_examples=25)
+@settings(max_examples=many(25))
 def test_edges_on_engines(plan: P) -> None:
     """These engines connect what they like; every edge has a route all the same."""
     from gpsfsm.capabilities.library import Library

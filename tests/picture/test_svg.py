@@ -13,6 +13,7 @@ from lxml import etree
 
 from gpsfsm.picture import automaton_to_svg
 from gpsfsm.picture.shapes import shorten, text_width
+from tests.cases import many
 from tests.model.plans import single, tour
 from tests.model.test_drawing import ANY_TEXT, HOSTILE
 from tests.picture.support import automaton_of, control, engine_automaton, runner
@@ -95,7 +96,7 @@ def test_hostile_texts(text: str) -> None:
 
 
 @given(ANY_TEXT)
-@settings(max_examples=40)
+@settings(max_examples=many(40))
 def test_any_text(text: str) -> None:
     harmless(text)
 
@@ -125,3 +126,45 @@ def test_a_hostile_file() -> None:
 def test_shortened_texts_are_no_wider(text: str) -> None:
     assert text_width(shorten(text, 100)) <= max(100, text_width("…"))
     assert shorten(text, 10_000) == text
+
+
+def test_a_shortened_text_ends_in_one_sign() -> None:
+    assert shorten("task=Say where…, uuid", text_width("task=Say where…, u")) == "task=Say where…"
+
+
+def test_a_caption_stands_beside_the_line_into_its_control() -> None:
+    rooms = control("sequential", runner(), control("recovery", runner()), runner())
+    svg = automaton_to_svg(automaton_of(f'<Plan name="a">{runner()}{rooms}</Plan>'))
+    lines = [
+        (float(x), float(above), float(below))
+        for path in elements(svg, "path", "edge")
+        for x, above, below in re.findall(
+            r"(?:M|L|Q[\d. ]+ )([\d.]+) ([\d.]+)L\1 ([\d.]+)", path.get("d", "")
+        )
+    ]
+    captions = elements(svg, "text", "caption")
+    assert [each.text for each in captions] == ["sequential (line 1)", "recovery (line 1)"]
+    for each in captions:
+        x, y = float(each.get("x", "")), float(each.get("y", ""))
+        right = x + text_width(each.text or "") * 11 / 12
+        assert not [line for line in lines if x < line[0] < right and line[1] < y < line[2]]
+    boxes = [float(each.get("x", "")) for each in elements(svg, "rect", "group")]
+    after = [float(each.get("x", "")) - box for each, box in zip(captions, boxes, strict=True)]
+    assert after[0] > 10, "beside the line"
+    assert after[1] == 10, "it is entered from its side"
+
+
+def test_marked_nodes_get_a_ring_and_a_flag_with_room_for_it() -> None:
+    automaton = automaton_of(f"<Plan>{runner()}{runner()}</Plan>")
+    node = automaton.runners[0].index
+    remark = "GP402 <lost> value" * 3
+    plain, marked = automaton_to_svg(automaton), automaton_to_svg(automaton, {node: remark})
+    assert texts(marked, "remark") == [remark]
+    assert "remark" not in plain
+    (ring,), (flag,) = elements(marked, "rect", "ring"), elements(marked, "rect", "flag")
+    left, _, width, _ = map(float, etree.fromstring(marked.encode()).get("viewBox", "").split())
+    assert left < 0  # the remark is wider than what is left of the node
+    assert left <= float(flag.get("x", ""))
+    assert float(flag.get("x", "")) + float(flag.get("width", "")) <= float(ring.get("x", ""))
+    (background,) = elements(marked, "rect", "background")
+    assert (float(background.get("x", "")), float(background.get("width", ""))) == (left, width)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import stat
 import subprocess
 import sys
@@ -12,13 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import gpsfsm
+from gpsfsm.version import VERSION
 from tests.cli.support import ACCEPTED, REJECTED
 from tests.forked import write_program
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["REPO", "Place", "Snippet", "make_place", "snippets"]
+__all__ = ["BAD", "GOOD", "REPO", "Place", "Snippet"]
+__all__ += ["clone", "git", "make_place", "snippets", "stand_in"]
 
 REPO = Path(__file__).parents[2]
 _FENCE = re.compile(r"^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -101,6 +104,41 @@ def make_place(folder: Path, *, plans: Mapping[str, str]) -> Place:
         f'if [ "$1 $2" = "-m pip" ]; then shift 2; {log}; else {real} "$@"; fi',
     )
     return place
+
+
+def git(folder: Path, *words: str | Path) -> str:
+    """What a git command prints, by somebody without settings of their own."""
+    person = [
+        *("-c", "user.name=Somebody", "-c", "user.email=somebody@example.org"),
+        *("-c", "init.defaultBranch=main", "-c", "commit.gpgsign=false"),
+    ]
+    done = subprocess.run(
+        ["git", *person, *words], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def clone(folder: Path) -> Path:
+    """A repository with all that this one tracks as it is now, in one commit with a tag."""
+    listed = git(REPO, "ls-files", "-z", "--cached", "--others", "--exclude-standard")
+    for name in filter(None, listed.split("\0")):
+        source, target = REPO / name, folder / name
+        if source.is_symlink() or source.is_file():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(source, target, follow_symlinks=False)
+    git(folder, "init", "-q")
+    git(folder, "add", "--all")
+    git(folder, "commit", "-q", "-m", "All of it")
+    git(folder, "tag", f"v{VERSION}")
+    return folder
+
+
+def stand_in(place: Place, name: str, script: str = "") -> Path:
+    """A program that writes down how it was called, and then runs this script; its log."""
+    log = place.programs / f"{name}.log"
+    _program(place.programs / name, f'printf "%s\\n" "$*" >> "{log}"\n{script}')
+    return log
 
 
 def _program(file: Path, script: str) -> None:

@@ -11,9 +11,10 @@ import pytest
 import yaml
 from lxml import etree
 
+from gpsfsm.version import OWNER, VERSION
 from tests.cli.support import ACCEPTED, REJECTED
 from tests.forked import run_forked
-from tests.pipelines.support import BAD, GOOD, REPO, Place, Snippet, make_place, snippets
+from tests.pipelines.support import BAD, GOOD, REPO, Place, Snippet, git, make_place, snippets
 from tests.pipelines.workflow import run_action
 
 if TYPE_CHECKING:
@@ -35,8 +36,9 @@ def test_no_snippet_is_left_out() -> None:
     """Blocks with commands are run by tests/test_docs.py."""
     others = [each for each in SNIPPETS if each.language not in ("console", "python")]
     files = {".pre-commit-config.yaml", ".github/workflows/plans.yml", ".gitlab-ci.yml"}
-    assert {each.file for each in others} == {*files, "Jenkinsfile"}
-    assert len(others) == 4
+    assert {each.file for each in others} == {*files, "Jenkinsfile", ""}
+    assert [each.language for each in others if not each.file] == ["sh"]
+    assert len(others) == 5
     assert sum(each.language == "python" for each in SNIPPETS) == len(PRINTED)
     fences = re.findall(r"^```\w*$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert len(fences) == 2 * len(SNIPPETS)
@@ -105,6 +107,34 @@ def test_pre_commit(tmp_path: Path, plans: dict[str, str], code: int) -> None:
     assert pre_commit(place, config).returncode == code
 
 
+def test_a_git_hook(tmp_path: Path) -> None:
+    """Git calls it, and what it judges is what would be committed."""
+    place = make_place(tmp_path, plans=GOOD)
+    (script,) = (each.text for each in SNIPPETS if each.language == "sh")
+    git(place.folder, "init", "-q")
+    hook = place.folder / ".git" / "hooks" / "pre-commit"
+    hook.parent.mkdir(exist_ok=True)
+    hook.write_text(script, encoding="utf-8")
+    hook.chmod(0o755)
+    person = "-c user.name=Somebody -c user.email=somebody@example.org"
+
+    def commit(plan: str, staged: str) -> subprocess.CompletedProcess[str]:
+        file = place.folder / "plans" / "a b.xml"
+        file.write_text(staged, encoding="utf-8")
+        git(place.folder, "add", "--all")
+        file.write_text(plan, encoding="utf-8")
+        return place.bash(f"git {person} commit -q -m 'A plan'")
+
+    refused = commit(ACCEPTED, staged=REJECTED)
+    assert refused.returncode == 1
+    assert "plans/a b.xml: rejected: findings" in refused.stdout + refused.stderr
+    accepted = commit(REJECTED, staged=ACCEPTED)
+    assert accepted.returncode == 0, accepted.stderr
+    git(place.folder, "rm", "-q", "--cached", "plans/a.xml")
+    done = place.bash(f"git {person} commit -q -m 'No plan'")
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_hooks_have_what_pre_commit_asks_for() -> None:
     for hook in HOOKS.values():
         assert {"id", "name", "entry", "language"} <= set(hook)
@@ -118,7 +148,7 @@ def test_github(tmp_path: Path, plans: dict[str, str], failed: bool) -> None:
     (job,) = workflow["jobs"].values()
     checkout, ours = job["steps"]
     assert checkout["uses"].startswith("actions/checkout@")
-    assert ours["uses"].startswith("OWNER/gpsfsm@")
+    assert ours["uses"] == f"{OWNER}/gpsfsm@v{VERSION}"
     ran = run_action(REPO / "action.yml", make_place(tmp_path, plans=plans), ours["with"])
     assert ran.failed is failed, ran.log
     assert ran.outputs["accepted"] == str(not failed).lower()

@@ -1,4 +1,4 @@
-"""A small runner of GitHub workflows: enough of it to run the steps of our action as they stand.
+"""A small runner of GitHub workflows: enough of it to run our action and our jobs as they stand.
 
 Conditions and expressions are names, texts, ``==``, ``!=``, ``&&`` and ``||``; whatever else stands
 there is a mistake. Actions of others are written down, not run.
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from tests.pipelines.support import Place
 
-__all__ = ["Ran", "run_action"]
+__all__ = ["Ran", "run_action", "run_job"]
 
 _EXPRESSION = re.compile(r"\$\{\{ *(.*?) *\}\}")
 _NAME = re.compile(r"[a-z_][\w-]*(\.[\w-]+)+")
@@ -26,7 +26,7 @@ _NAME = re.compile(r"[a-z_][\w-]*(\.[\w-]+)+")
 
 @dataclass
 class Ran:
-    """What a run of an action has done."""
+    """What a run of an action or of a job has done."""
 
     failed: bool = False
     code: int = 0
@@ -45,30 +45,49 @@ def run_action(file: Path, place: Place, given: Mapping[str, object]) -> Ran:
         assert name in given or not about.get("required"), f"the input {name} is required"
         value = given.get(name, about.get("default", ""))
         names[f"inputs.{name}"] = str(value).lower() if isinstance(value, bool) else str(value)
-    ran = Ran()
-    for number, step in enumerate(action["runs"]["steps"]):
-        if ran.failed or not _holds(step.get("if", "true"), names):
-            continue
-        if "uses" in step:
-            options = {key: _filled(value, names) for key, value in step.get("with", {}).items()}
-            ran.used.append((step["uses"], options))
-        else:
-            _run_step(step, number, place, names, ran)
+    ran = _run_steps(action["runs"]["steps"], place, names, {})
     ran.outputs = {
         name: _filled(about["value"], names) for name, about in action["outputs"].items()
     }
     return ran
 
 
+def run_job(
+    job: Mapping[str, Any], place: Place, names: Mapping[str, str], env: Mapping[str, str]
+) -> Ran:
+    """Run a job of a workflow: ``names`` are those of expressions, ``env`` that of the runner."""
+    return _run_steps(job["steps"], place, dict(names), env)
+
+
+def _run_steps(
+    steps: list[dict[str, Any]], place: Place, names: dict[str, str], env: Mapping[str, str]
+) -> Ran:
+    ran = Ran()
+    for step in steps:
+        if ran.failed or not _holds(step.get("if", "true"), names):
+            continue
+        if "uses" in step:
+            options = {key: _filled(value, names) for key, value in step.get("with", {}).items()}
+            ran.used.append((step["uses"], options))
+        else:
+            _run_step(step, place, names, env, ran)
+    return ran
+
+
 def _run_step(
-    step: dict[str, Any], number: int, place: Place, names: dict[str, str], ran: Ran
+    step: dict[str, Any],
+    place: Place,
+    names: dict[str, str],
+    machine: Mapping[str, str],
+    ran: Ran,
 ) -> None:
     assert step["shell"] == "bash"
     assert not _EXPRESSION.search(step["run"]), "an input would be a part of the script"
+    number = len(list(place.programs.glob("output*")))
     output, summary = (place.programs / f"{each}{number}" for each in ("output", "summary"))
     output.touch()
     env = {key: _filled(value, names) for key, value in step.get("env", {}).items()}
-    env |= {"GITHUB_OUTPUT": str(output), "GITHUB_STEP_SUMMARY": str(summary)}
+    env |= {**machine, "GITHUB_OUTPUT": str(output), "GITHUB_STEP_SUMMARY": str(summary)}
     done = place.bash(step["run"], env)
     ran.log += done.stdout + done.stderr
     ran.code, ran.failed = done.returncode, done.returncode != 0

@@ -47,7 +47,9 @@ def test_a_plan_that_is_right_is_written_byte_for_byte(
     data = b"\xef\xbb\xbf" + RIGHT.replace("\n", "\r\n").encode()
     (tmp_path / "right.xml").write_bytes(data)
     _, err = said("right.xml", *V2, "-o", "out.xml", capsys=capsys, code=0)
-    assert err == "right.xml: fabric-v2 does what this plan says; nothing is to be changed\n"
+    assert (
+        err == "right.xml: fabric-v2 runs this plan as the paper specifies; no change is needed\n"
+    )
     assert (tmp_path / "out.xml").read_bytes() == data
     said("right.xml", *V2, "--check", capsys=capsys, code=0)
     assert said("right.xml", *V2, "--diff", capsys=capsys, code=0)[0] == ""
@@ -58,8 +60,8 @@ def test_a_plan_is_rewritten(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert out == PORTED
     place = TWO.splitlines()[2].rfind("<Control") + 1
     assert err == (
-        f"two.xml:3:{place}: note: this recovery is one with the recovery before it\n"
-        "two.xml: is rewritten for fabric-v2; it is proved to do the same there\n"
+        f"two.xml:3:{place}: note: this recovery is merged with the recovery before it\n"
+        "two.xml: is rewritten for fabric-v2, with a proof that it behaves the same there\n"
     )
     assert (tmp_path / "two.xml").read_text() == TWO
     (tmp_path / "again.xml").write_text(out)
@@ -82,20 +84,20 @@ def test_what_is_lost_is_told_and_nothing_is_written(
     assert not (tmp_path / "out.xml").exists()
     first, second, last = err.splitlines()
     assert first.startswith("parallel.xml:3:1: lost on fabric-v2: parallel_all 'both': 2 steps")
-    assert second.startswith("  with --unsafe: one after the other")
-    assert last.startswith("parallel.xml: fabric-v2 cannot do what this plan says")
+    assert second.startswith("  with --unsafe: the steps run in sequence")
+    assert last.startswith("parallel.xml: fabric-v2 cannot run this plan as the paper specifies")
 
 
 def test_the_unsafe_reading_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     out, err = said("parallel.xml", *V2, "--unsafe", capsys=capsys, code=0)
     assert out == f"<Plan>\n    {A}\n    {B}\n    {C}\n</Plan>\n"
-    assert err.splitlines()[1].startswith("  instead: one after the other")
+    assert err.splitlines()[1].startswith("  instead: the steps run in sequence")
     assert err.splitlines()[2:] == [
-        "parallel.xml: the ported plan is NOT the same; the first scenario that shows it:",
+        "parallel.xml: the ported plan is NOT equivalent; the first scenario that shows it:",
         "  1. A succeeds (parallel.xml:2, the ported plan:2)",
         "  then parallel.xml starts C at line 5",
         "       the ported plan starts nothing else",
-        "  (where a plan gives up by the paper, it hangs on fabric-v2)",
+        "  (where a plan gives up according to the paper, it hangs on fabric-v2)",
     ]
 
 
@@ -112,7 +114,7 @@ def test_capabilities_tell_types(tmp_path: Path, capsys: pytest.CaptureFixture[s
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["bad.xml", *V2], "it is not clear what the plan does"),
+        (["bad.xml", *V2], "so the plan is ambiguous"),
         (["none.xml", *V2], "none.xml"),
         (["two.xml", *V2, "-o", "two.xml"], "would overwrite a plan"),
         (["two.xml", *V2, "--diff", "-o", "x.xml"], "write no plan"),

@@ -141,9 +141,9 @@ def test_nothing_follows_where_steps_are_left_out() -> None:
     )
     found = ported(text, "fabric-v2", unsafe=True)
     assert found.text == f"<Plan>{first}{second}</Plan>"
-    assert [loss.instead.partition(":")[0] for loss in found.losses] == [
-        "one after the other",
-        "it is left out as well",
+    assert [loss.instead.partition(",")[0].partition(";")[0] for loss in found.losses] == [
+        "the steps run in sequence",
+        "it is removed as well",
     ]
 
 

@@ -91,7 +91,7 @@ def test_an_integer_becomes_a_double_in_place() -> None:
     found = port(text, "fabric-v2")
     assert found.text == text.replace('x="1"', 'x="1.0"')
     assert [note.text for note in found.notes] == [
-        'x="1" is written x="1.0", which fabric-v2 reads as a double'
+        'x="1" is changed to x="1.0", which fabric-v2 reads as a double'
     ]
     assert (found.notes[0].line, found.notes[0].column) == (3, text.splitlines()[2].find("x=") + 1)
 
@@ -107,7 +107,7 @@ def test_another_value_is_unsafe() -> None:
     text = f"<Plan>{speech('42')}</Plan>"
     found = port(text, "fabric-v2")
     assert found.text is None
-    assert [loss.instead for loss in found.losses] == ['text="42 ", which is another value']
+    assert [loss.instead for loss in found.losses] == ['text="42 ", which is a different value']
     unsafe = port(text, "fabric-v2", unsafe=True)
     assert unsafe.text == text.replace("'42'", "'42 '")
     assert unsafe.change is not None
@@ -126,5 +126,5 @@ def test_lost_decimals_are_told() -> None:
     assert found.text == text
     assert not found.changed
     assert [note.text for note in found.notes] == [
-        'fabric-v2 makes 0.123457 of x="0.12345678"; that cannot be mended'
+        'fabric-v2 reads x="0.12345678" as 0.123457; this cannot be fixed'
     ]

@@ -68,7 +68,7 @@ def test_comments_labels_and_layout_stay() -> None:
 <!-- after -->
 """
     )
-    assert notes(text) == ["11:3 this recovery is one with the recovery before it"]
+    assert notes(text) == ["11:3 this recovery is merged with the recovery before it"]
 
 
 def test_one_line_stays_one_line() -> None:
@@ -77,7 +77,7 @@ def test_one_line_stays_one_line() -> None:
     assert ported(text) == text  # the engine does it
     assert ported(behind) == f"<Plan>{A}<!-- b -->{B}</Plan>"
     assert notes(behind) == [
-        f"1:{behind.find('<Control') + 1} this parallel_any is left out, and what it holds stays"
+        f"1:{behind.find('<Control') + 1} this parallel_any is removed; its content stays"
     ]
 
 
@@ -102,9 +102,8 @@ def test_what_is_never_run_goes_with_its_comments() -> None:
 """
     assert ported(text) == f"<Plan>\n    <!-- later -->\n    {B}\n</Plan>\n"
     assert notes(text) == [
-        "2:5 this recovery is left out: nothing stands before it that could fail, so it is never "
-        "triggered",
-        "6:5 this sequential is left out: it holds nothing that is run",
+        "2:5 this recovery is removed: nothing before it can fail, so it is never triggered",
+        "6:5 this sequential is removed: it runs nothing",
     ]
 
 
@@ -112,8 +111,8 @@ def test_a_recovery_of_what_never_fails() -> None:
     text = f'<Plan>{A}<Control type="sequential"/><Control type="recovery">{B}</Control></Plan>'
     assert ported(text) == f"<Plan>{A}</Plan>"
     assert [note.split(" ", 1)[1] for note in notes(text)] == [
-        "this sequential is left out: it holds nothing that is run",
-        "this recovery is left out: what it guards never fails, so it is never triggered",
+        "this sequential is removed: it runs nothing",
+        "this recovery is removed: the step that it guards never fails, so it is never triggered",
     ]
 
 
@@ -121,7 +120,7 @@ def test_the_content_of_a_runner_is_left_out() -> None:
     text = '<Plan><Runner interface="a/A" provider="a/A" >text</Runner></Plan>'
     assert ported(text) == '<Plan><Runner interface="a/A" provider="a/A"/></Plan>'
     assert [note.split(" ", 1)[1] for note in notes(text)] == [
-        "what this runner holds is left out: the engines read over it"
+        "the content of this runner is removed: the engines ignore it"
     ]
 
 
@@ -130,8 +129,8 @@ def test_a_completion_runner_is_left_out() -> None:
     text = f'<Plan>{A}<Runner interface="{name}" provider="{name}"/></Plan>'
     assert ported(text) == f"<Plan>{A}</Plan>"
     assert notes(text) == [
-        f"1:{text.find('<Runner', 9) + 1} the completion runner is left out: fabric-v2 appends one "
-        "of its own"
+        f"1:{text.find('<Runner', 9) + 1} the completion runner is removed: fabric-v2 appends its "
+        "own"
     ]
 
 
@@ -153,7 +152,7 @@ def test_places_are_those_of_the_text_as_given() -> None:
     recoveries = f"<Control type='recovery'>{B}</Control>\n<Control type='recovery'>{C}</Control>"
     text = f"Here it is:\n\n<Plan>\n{A}\n{recoveries}\n{completion}\n</Plan>\n"
     assert notes(text)[1:] == [
-        "6:1 this recovery is one with the recovery before it",
+        "6:1 this recovery is merged with the recovery before it",
         "7:1 completion runner removed",
     ]
 
@@ -181,7 +180,7 @@ def test_an_empty_plan_completes_at_once(text: str) -> None:
 
 
 def test_a_text_without_a_clear_plan_is_refused() -> None:
-    with pytest.raises(UnclearError, match="it is not clear what the plan does"):
+    with pytest.raises(UnclearError, match="so the plan is ambiguous"):
         ported("<Plan><Foo/></Plan>")
     with pytest.raises(UnclearError):
         ported("no plan")
@@ -194,5 +193,5 @@ def test_a_behaviour_tree_is_no_plan() -> None:
 
 
 def test_an_unknown_engine() -> None:
-    with pytest.raises(UsageError, match="fabric-v1 or fabric-v2"):
+    with pytest.raises(UsageError, match="fabric-v1, fabric-v2"):
         ported("<Plan/>", "paper")

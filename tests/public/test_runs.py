@@ -45,7 +45,7 @@ def test_a_plan_without_its_text_has_no_corpus(tmp_path: Path) -> None:
     plan = gpsfsm.parse(PLAN).plan
     assert plan is not None
     assert gpsfsm.fuzz(plan, runs=2).ok
-    with pytest.raises(gpsfsm.UsageError, match="hold the text of their plan"):
+    with pytest.raises(gpsfsm.UsageError, match="contain the text of their plan"):
         gpsfsm.fuzz(plan, runs=2, corpus=tmp_path)
 
 

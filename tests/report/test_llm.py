@@ -80,7 +80,7 @@ def test_corrected_lines_are_shown_where_they_are_known() -> None:
 
 def test_a_guess_is_called_one() -> None:
     finding = replace(DANGLING, confidence=Confidence.HEURISTIC)
-    assert "1. Warning (what you intend is guessed) GP302" in told(
+    assert "1. Warning (a guess at what you intend) GP302" in told(
         replace(GIVES_UP, findings=(finding,))
     )
 
@@ -88,7 +88,7 @@ def test_a_guess_is_called_one() -> None:
 def test_nothing_to_say() -> None:
     assert told(CLEAN) == "The plan is accepted.\n"
     assert told(replace(CLEAN, verdict=Verdict.UNDECIDED)).startswith(
-        "Your plan is undecided: it could not be checked"
+        "Your plan is undecided: the check could not be"
     )
     assert render(Report(()), "llm") == "There is no plan.\n"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
@@ -16,6 +17,7 @@ import gpsfsm
 from gpsfsm.model import showing
 from gpsfsm.model.report import PlanReport, Report
 from gpsfsm.picture import automaton_to_svg
+from tests.cases import many
 from tests.report.samples import BROKEN, CLEAN, GIVES_UP, SAMPLES
 from tests.report.test_hostile import ANY_TEXT, hostile
 
@@ -115,7 +117,7 @@ def test_an_engine_s_automaton_is_drawn() -> None:
 
 
 @given(ANY_TEXT)
-@settings(max_examples=40)
+@settings(max_examples=many(40))
 def test_text_from_outside_is_text(text: str) -> None:
     assert tags(html_of(hostile(text))) <= OURS
 
@@ -155,3 +157,79 @@ def test_without_anybody_who_shows_it_an_object_is_printed(
     monkeypatch.setattr(showing, "_SHOWS", {})
     automaton: Automaton = gpsfsm.compile_plan(plan_of("<Plan/>")).automaton
     assert automaton._repr_svg_() is None
+
+
+TASK = "interface: GoRunner\nplaces: {A: {x: 1}}\nsteps: [{do: A}]\n"
+EVIL = '<img src=x onerror="alert(1)">'
+
+
+class Printer:
+    """Collects the text that IPython shows on a terminal."""
+
+    def __init__(self) -> None:
+        self.shown = ""
+
+    def text(self, words: str) -> None:
+        self.shown += words
+
+
+def pretty(value: object) -> str:
+    printer = Printer()
+    value._repr_pretty_(printer, False)  # type: ignore[attr-defined]
+    return printer.shown
+
+
+def test_results_show_themselves_and_nothing_of_a_text_is_markup(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = Path(f"{EVIL}.xml")
+    go = f'<Runner interface="a/Go" provider="a/Go" text={quoteattr(EVIL)}/>'
+    text = f'<Plan><Control type="recovery" name={quoteattr(EVIL)}>{go}{go}</Control></Plan>'
+    file.write_text(text, encoding="utf-8")
+    report = gpsfsm.check(file)
+    values = [
+        *(report, report.plans[0], *report.findings),
+        gpsfsm.fix(file, unsafe=True),
+        gpsfsm.fuzz(file, runs=3),
+        gpsfsm.grade(file, TASK),
+        gpsfsm.grade(file, TASK, by="folder"),
+    ]
+    assert len(values) > 6
+    for value in values:
+        root = html.fragment_fromstring(value._repr_html_())  # type: ignore[attr-defined]
+        assert tags(root) <= OURS | {"table", "tr", "th", "td"}
+        assert pretty(value)
+        if not isinstance(value, gpsfsm.Fixed):
+            assert str(value) == pretty(value)
+    assert str(report.findings[0]).startswith("line 1, column 7: error GP307 recovery-without")
+    assert "img src=x" in values[-2]._repr_html_()  # type: ignore[attr-defined]
+
+
+def test_a_table_of_grades_has_its_rows_and_totals() -> None:
+    good = '<Plan><Runner interface="demo/GoRunner" provider="demo/GoRunner" x="1"/></Plan>'
+    table = gpsfsm.grade(good, TASK)
+    root = html.fragment_fromstring(table._repr_html_())
+    assert [cell.text for cell in root.iter("td")][:2] == ["<text>", "success"]
+    assert root.find(".//pre").text == "1 answer: 1 success, 0 partial, 0 failed"
+    assert pretty(table).endswith("1 answer: 1 success, 0 partial, 0 failed")
+
+
+def test_what_was_repaired_shows_the_lines_that_differ() -> None:
+    fixed = gpsfsm.fix('<Plan><Runner interface="a/Go" provider=a/Go></Plan>')
+    root = html.fragment_fromstring(fixed._repr_html_())
+    lines = root.find(".//pre").text.splitlines()
+    assert lines[-1] == '+<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>'
+    assert len(list(root.find("ol"))) == len(fixed.applied) > 0
+    assert pretty(fixed).splitlines() == lines
+    assert "nothing repaired" in gpsfsm.fix("<Plan/>")._repr_html_()
+
+
+def test_a_campaign_shows_findings_with_their_lines_and_properties() -> None:
+    go = '<Runner interface="nav2_capabilities/WaypointRunner" provider="n/N" x="1" y="2"/>'
+    both = f'<Plan>\n<Control type="parallel_any">\n{go}\n{go}\n</Control>\n</Plan>'
+    root = html.fragment_fromstring(gpsfsm.fuzz(both, runs=30)._repr_html_())
+    shown = [each.text for each in root.iter("pre")]
+    assert any(text.startswith(go[:20]) for text in shown)
+    assert "held: replays, the journal of every run" in shown[-1]
+    assert "broken (" in shown[-1]

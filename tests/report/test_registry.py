@@ -3,6 +3,7 @@ from __future__ import annotations
 import importlib.metadata
 import subprocess
 import sys
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -10,6 +11,9 @@ import gpsfsm.report
 from gpsfsm.errors import UsageError
 from gpsfsm.report import Format, RenderOptions, find_format, format_names, render
 from tests.report.samples import SAMPLES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 def test_the_built_in_formats() -> None:
@@ -88,6 +92,21 @@ def test_a_format_that_does_not_load_is_a_usage_error(offered: list[Entry]) -> N
         find_format("broken")
     with pytest.raises(UsageError, match=r"'wrong'.*is not a gpsfsm\.report\.Format"):
         find_format("wrong")
+
+
+@pytest.mark.parametrize(
+    ("render_it", "message"),
+    [
+        (lambda *_: 1 // 0, "the format 'odd' failed: ZeroDivisionError: integer division"),
+        (lambda *_: b"no", "the format 'odd' returned bytes, not text"),
+    ],
+)
+def test_a_format_of_another_package_that_fails_is_a_usage_error(
+    offered: list[Entry], render_it: Callable[..., Any], message: str
+) -> None:
+    offered.append(Entry("odd", Format(name="odd", render=render_it)))
+    with pytest.raises(UsageError, match=message):
+        render(SAMPLES["mixed"], "odd")
 
 
 def test_listing_the_formats_imports_none_of_them() -> None:

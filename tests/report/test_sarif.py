@@ -17,6 +17,7 @@ from gpsfsm.model.finding import Severity, TraceStep
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Report, Verdict
 from gpsfsm.report import RenderOptions, render
+from gpsfsm.version import REPOSITORY, VERSION
 from tests.report.samples import CLEAN, DANGLING, GIVES_UP, MISSING, SAMPLES
 
 # The official schema is not ours to copy. The npm package @microsoft/jest-sarif ships it.
@@ -62,7 +63,13 @@ def test_all_rules_are_described() -> None:
     for described, rule in zip(driver["rules"], all_rules(), strict=True):
         assert described["help"]["markdown"].startswith(f"# {rule.code} {rule.name}")
         assert described["help"]["text"]
-    assert "Uri" not in json.dumps(driver)  # there is no address that could be relied on
+        page = described["helpUri"].removeprefix(f"{REPOSITORY}/blob/v{VERSION}/")
+        assert (
+            (Path(__file__).parents[2] / page)
+            .read_text("utf-8")
+            .startswith(f"# {rule.code} {rule.name}")
+        )
+    assert driver["informationUri"] == REPOSITORY
     assert driver["version"] == "1.2.3"
     assert "version" not in run_of(SAMPLES["empty"])["tool"]["driver"]
 
@@ -127,12 +134,12 @@ def test_a_scenario_is_a_code_flow() -> None:
     ]
     lines = [step["location"]["physicalLocation"]["region"]["startLine"] for step in steps]
     assert lines == [3, 3, 5, 5]
-    assert flow["message"]["text"] == "a run that ends GAVE_UP"
+    assert flow["message"]["text"] == "a run in which the plan gives up"
 
 
 def test_a_truncated_code_flow_says_which_events_it_holds() -> None:
     (flow,) = first_result(SAMPLES["truncated"])["codeFlows"]
-    assert flow["message"]["text"] == "a run that ends STUCK (the last events only)"
+    assert flow["message"]["text"] == ("a run in which the plan gets stuck (only the last events)")
 
 
 def test_the_steps_of_a_real_plan_have_the_lines_of_their_elements() -> None:

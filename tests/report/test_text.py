@@ -275,10 +275,22 @@ def test_what_a_node_of_ones_own_does_is_left_open() -> None:
     (checked,) = check(tree.format("<Sing><A/><B/></Sing>")).plans
     assert checked.verdict is Verdict.ACCEPTED
     (finding,) = (each for each in checked.findings if each.rule == "GP816")
-    assert finding.message == "the automaton says more than this tree does, because of line 3"
+    assert finding.message == ("the automaton allows more than this tree can do, because of line 3")
     declared = tree.replace("<Dance><Spin/><Jump/></Dance>", "<Dance/>").replace(
         "</root>", '<TreeNodesModel><Action ID="Dance"/><Action ID="Go"/></TreeNodesModel></root>'
     )
     (checked,) = check(declared.format("")).plans
     assert checked.verdict is Verdict.ACCEPTED
     assert not any(each.rule == "GP816" for each in checked.findings)
+
+
+def test_a_verdict_without_a_proof_says_so_and_names_the_limit() -> None:
+    loop = '{"nodes": [{"id": "s", "kind": "start"}, {"id": "a", "kind": "runner", '
+    loop += '"interface": "a/B"}, {"id": "e", "kind": "complete"}], "edges": ['
+    loop += '{"source": "s", "target": "a", "event": "SUCCEEDED"}, '
+    loop += '{"source": "a", "target": "e", "event": "SUCCEEDED"}, '
+    loop += '{"source": "a", "target": "a", "event": "FAILED"}]}'
+    last = render(check(loop, rlimit=100)).splitlines()[-3]
+    assert last.endswith("; not proved by z3, search only: over --rlimit")
+    last = render(check(loop)).splitlines()[-3]
+    assert last.endswith("; proved by z3")

@@ -104,7 +104,7 @@ def test_events_drive_the_journal(ros: Domain) -> None:
     last = json.loads(out.splitlines()[-1])["dispatch"]
     assert (last["status"], last["events"]) == ("COMPLETED", True)
     assert last["explanation"] == [
-        "line 2: WaypointRunner (x=1.0, y=2.0) failed, and the plan went on"
+        "line 2: WaypointRunner (x=1.0, y=2.0) failed, and the plan continued"
     ]
     told = [
         (row["kind"], row["element"])
@@ -131,8 +131,8 @@ def test_a_failure_that_nothing_takes_is_explained(ros: Domain) -> None:
     last = json.loads(out.splitlines()[-1])["dispatch"]
     assert last["status"] == "HANG"
     assert last["explanation"] == [
-        "the plan left its specified part at line 3: WaypointRunner (x=2.0, y=2.0) failed and "
-        "nothing takes that; the server goes on waiting (HANG)"
+        "the plan left its specified part at line 3: WaypointRunner (x=2.0, y=2.0): it failed, "
+        "and nothing follows that; the server keeps waiting (HANG)"
     ]
     assert rows(ros)[-1]["data"] == {"status": "HANG"}
 
@@ -147,7 +147,7 @@ def test_a_plan_whose_time_is_up_is_cancelled(ros: Domain, version: str) -> None
     plan_id = server.wait_for("submitted")["plan_id"]
     assert server.wait_for("cancel")["plan_id"] == plan_id
     assert "the plan was cancelled: its time is up" in done.stdout
-    assert ("Fabric V2 says that it has cancelled the plan, and does not" in done.stdout) == (
+    assert ("Fabric V2 reports that it has cancelled the plan, but does not" in done.stdout) == (
         version == "2"
     )
     assert rows(ros)[-1]["data"] == {"status": "CANCELLED"}

@@ -97,7 +97,7 @@ def test_lists_make_the_items_and_other_values_go_into_each() -> None:
         ({"ready": 1}, "1 does not fit the field ready, a boolean"),
         ({"at.point.x": "far"}, '"far" does not fit the field at.point.x, a double'),
         ({"all[].point.x": [1, 2], "all[].point.y": [1]}, "differ in length"),
-        ({"count[].x": [1]}, "is no list of messages"),
+        ({"count[].x": [1]}, "is not a list of messages"),
     ],
 )
 def test_what_does_not_fit_is_refused(values: dict[str, Any], message: str) -> None:
@@ -136,7 +136,7 @@ def test_a_map_is_the_text_that_prompts_know() -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("os.path", "is no definition"),
+        ("os.path", "is not a definition"),
         ("os/msg/Path", "the messages of os are not installed"),
         ("json/msg/Decoder", "json has no msg Decoder"),
         ("no_such_msgs/srv/Go", "apt install ros-<distro>-no-such-msgs"),

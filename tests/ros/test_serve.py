@@ -121,7 +121,7 @@ def test_a_stop_needs_neither_the_queue_nor_its_process(ros: Domain) -> None:
         stopped = client.client.post("/v1/stop").json()
         assert server.wait_for("result", id=drive)["status"] == "canceled"
         assert stopped["goals"] == 1, stopped
-        assert "it was killed with all that ran in it" in stopped["detail"]
+        assert "it was killed with everything that ran in it" in stopped["detail"]
         eventually(lambda: _held(client))
         assert len(server.journal("goal")) == 1
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from lxml import etree
 
+from gpsfsm import __version__
 from gpsfsm.cli import main
 
 if TYPE_CHECKING:
@@ -256,8 +257,8 @@ def test_the_commands_of_scripts_exist(
 def test_the_manifest() -> None:
     manifest = etree.parse(PACKAGE / "package.xml")
     project = tomllib.loads((REPO / "pyproject.toml").read_text())["project"]
-    assert manifest.findtext("version") == project["version"]
-    assert f'version="{project["version"]}"' in (PACKAGE / "setup.py").read_text()
+    assert manifest.findtext("version") == __version__
+    assert f'version="{__version__}"' in (PACKAGE / "setup.py").read_text()
     assert manifest.findtext("license") == project["license"]
     needs = [(each.tag, each.text) for each in manifest.iter("{*}*") if "depend" in each.tag]
     assert needs == [("exec_depend", each) for each in ("action_msgs", "launch_ros", "rclpy")]

@@ -68,7 +68,7 @@ def test_a_text_that_arrives_is_checked() -> None:
 def test_nothing_to_check_is_a_failure() -> None:
     services = {"model": service(Scripted([]))}
     why = str(fails(perception.CheckRunner(), services, prompt="Is it?"))
-    assert "the camera of the robot cannot be looked through: this run has no robot" in why
+    assert "the camera of the robot cannot be used: this run has no robot" in why
     assert why.endswith("right before this one")
     nothing = fails(perception.CheckRunner(), services, text="a")
     assert str(nothing) == "there is no question: 'prompt' is empty"

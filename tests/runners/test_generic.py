@@ -270,7 +270,7 @@ def test_a_function_of_the_library() -> None:
         ("no.such:function", "there is no function no.such:function: No module named 'no'"),
         ("os:no_such", "there is no function os:no_such: "),
         ("nonsense", "there is no function nonsense: "),
-        (f"{__name__}:waits", f"{__name__}:waits is no function that can simply be called"),
+        (f"{__name__}:waits", f"{__name__}:waits is not a function that can be called directly"),
         (f"{__name__}:long", f"{__name__}:long returns more than 900,000 characters"),
     ],
 )

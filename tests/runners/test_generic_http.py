@@ -183,7 +183,7 @@ def test_redirects_in_a_circle(host: str) -> None:
     ("path", "message"),
     [
         ("much", "the answer has more than 900,000 bytes"),
-        ("packed", "the answer is packed, although that was not asked for"),
+        ("packed", "the answer is compressed, although that was not requested"),
         ("typed/60000", "the answer says at too great a length of what type it is"),
     ],
 )
@@ -250,8 +250,8 @@ def test_no_answer_in_time(host: str) -> None:
         ({"url": "http://[::1"}, "no answer from http://[::1: "),
         ({"url": "http://127.0.0.1@evil.example/"}, "the host evil.example:80 is not allowed"),
         ({"url": "http://[::1]:9/"}, "the host [::1]:9 is not allowed"),
-        ({"url": "http://127.0.0.1:0/"}, "the port 0 is none"),
-        ({"url": "http://127.0.0.1:99999/"}, "the port 99999 is none"),
+        ({"url": "http://127.0.0.1:0/"}, "there is no port 0"),
+        ({"url": "http://127.0.0.1:99999/"}, "there is no port 99999"),
         ({"url": "http://127.0.0.1\\@evil.example/"}, "the host evil.example:80 is not allowed"),
         ({"url": "http://evil.example\\.127.0.0.1/"}, "the host evil.example"),
         ({"url": "http://evil.example#@127.0.0.1/"}, "the host evil.example:80 is not allowed"),

@@ -93,7 +93,7 @@ WHO = "of the package my-robot 1.2"
         (WAYPOINT, "my_robot.missing:Drives", f"{WHO} cannot be imported: ModuleNotFoundError"),
         (WAYPOINT, "my_robot.exits:Drives", f"{WHO} cannot be imported: SystemExit: 0"),
         (WAYPOINT, "my_robot.drive:Missing", f"{WHO} cannot be imported: AttributeError"),
-        (WAYPOINT, "my_robot.drive:no_runner", f"{WHO} is no runner: it has to be a subclass of"),
+        (WAYPOINT, "my_robot.drive:no_runner", f"{WHO} is not a runner: it must be a subclass of"),
         (
             "generic_capabilities/LogRunner",
             "my_robot.drive:Drives",

@@ -33,7 +33,7 @@ def test_a_safe_repair_is_made_and_named() -> None:
     strict = PlanJudge(mend=False)(UNQUOTED)
     assert not strict.accepted
     assert strict.repairs == ()
-    assert "GP101" in strict.told
+    assert "GP101" in strict.feedback
 
 
 def test_a_plan_that_is_rejected_tells_why() -> None:
@@ -41,7 +41,7 @@ def test_a_plan_that_is_rejected_tells_why() -> None:
     assert not found.accepted
     assert found.errors == 1
     assert found.plan == REJECTED.strip()
-    assert found.told.startswith("Your plan was rejected: 1 error")
+    assert found.feedback.startswith("Your plan was rejected: 1 error")
     assert found.findings[0][0] == "GP307"
 
 
@@ -50,27 +50,27 @@ def test_after_repairs_the_findings_are_about_the_plan_that_was_mended() -> None
     answer = f"\n\nSure.\n\n{unquoted}"
     found = PlanJudge()(answer)
     assert not found.accepted
-    assert found.told.startswith("These mistakes were mended for you:\n- GP101: ")
+    assert found.feedback.startswith("These mistakes were fixed for you:\n- GP101: ")
     assert found.plan == REJECTED.strip()
-    assert "1. Error GP307 at line 2:" in found.told
+    assert "1. Error GP307 at line 2:" in found.feedback
 
 
 def test_lines_are_those_of_the_answer_as_a_model_sees_it_again() -> None:
     found = PlanJudge()(f"\n\n  Sure.\n{REJECTED}")
-    assert "1. Error GP307 at line 3:" in found.told
+    assert "1. Error GP307 at line 3:" in found.feedback
 
 
 def test_warnings_can_be_too_much() -> None:
     found = PlanJudge(fail_on=Severity.WARNING)(WARNED)
     assert not found.accepted
-    assert found.told.startswith("The plan is not good enough yet. 1 warning:")
+    assert found.feedback.startswith("The plan is not good enough yet. 1 warning:")
 
 
 @pytest.mark.parametrize("answer", ["", "I cannot do that.", "<Plan", BROKEN])
 def test_no_plan(answer: str) -> None:
     found = PlanJudge()(answer)
     assert not found.accepted
-    assert found.told.startswith("Your plan ")
+    assert found.feedback.startswith("Your plan ")
 
 
 def test_what_cannot_be_decided_is_not_accepted() -> None:
@@ -106,7 +106,7 @@ def test_a_model_cannot_excuse_its_own_mistakes() -> None:
     assert not found.accepted
     assert found.errors == 1
     assert found.findings[0][0] == "GP307"
-    assert "1. Error GP307 at line 3:" in found.told
+    assert "1. Error GP307 at line 3:" in found.feedback
 
 
 def test_a_plan_that_was_mended_excuses_nothing_either() -> None:
@@ -124,7 +124,7 @@ def test_a_plan_that_does_nothing_is_none(answer: str) -> None:
     found = PlanJudge()(answer)
     assert not found.accepted
     assert (found.errors, found.findings[0][0]) == (1, "GP109")
-    assert found.told.startswith("Your plan was rejected: 1 error.")
+    assert found.feedback.startswith("Your plan was rejected: 1 error.")
 
 
 def test_an_empty_control_beside_a_step_is_no_error() -> None:

@@ -53,7 +53,7 @@ def test_an_ended_process_decides_nothing_and_the_next_answer_has_a_new_one(
             patched.setattr(Worker, "give", killed_with_it_in_hand)
             undecided = apart(ACCEPTED)
         assert (undecided.accepted, undecided.decided) == (False, False)
-        assert undecided.told == "the process that checked the plan has ended"
+        assert undecided.feedback == "the process that checked the plan has ended"
         assert apart(ACCEPTED).accepted
         os.kill(apart._kept.current().child.pid, signal.SIGKILL)  # with nothing in hand
         assert apart._kept.current().child.exit_code() == -signal.SIGKILL
@@ -62,7 +62,7 @@ def test_an_ended_process_decides_nothing_and_the_next_answer_has_a_new_one(
 
 def test_a_check_that_takes_too_long_is_ended() -> None:
     with JudgeApart(PlanJudge(OPTIONS), timeout_s=0.0) as apart:
-        assert apart(ACCEPTED).told == "the check was ended: it took more than 0 s"
+        assert apart(ACCEPTED).feedback == "the check was ended: it took more than 0 s"
 
 
 def test_a_process_that_speaks_of_misuse_has_decided_nothing() -> None:
@@ -71,4 +71,4 @@ def test_a_process_that_speaks_of_misuse_has_decided_nothing() -> None:
         apart._kept = KeptWorker(Double(), 60)  # type: ignore[assignment]
         undecided = apart("misuse")
         assert (undecided.accepted, undecided.decided) == (False, False)
-        assert undecided.told == "the process that checked the plan has ended"
+        assert undecided.feedback == "the process that checked the plan has ended"

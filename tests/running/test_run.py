@@ -154,7 +154,7 @@ def test_what_an_interruption_left_goes_on(tmp_path: Path, real: bool) -> None:
     again = gpsfsm.run(GO, journal=journal, **how)  # type: ignore[arg-type]
     assert again
     if not real:
-        with pytest.raises(UsageError, match="world needs a plan: without one, the run"):
+        with pytest.raises(UsageError, match="world needs a plan: without one, the journal's run"):
             gpsfsm.run(journal=journal, world=HOME)
         how = {}
     ended = gpsfsm.run(journal=journal, **how)  # type: ignore[arg-type]

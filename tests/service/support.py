@@ -26,18 +26,21 @@ if TYPE_CHECKING:
 GOOD = '<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>'
 BAD = '<Plan><Runner provider="a/Go"/></Plan>'
 _NEW = ["-P", "-m", "gpsfsm", "serve", "--port", "0", "--isolated"]
-_ADDRESS = re.compile(r"serving at (http://\S+)")
+_ADDRESS = re.compile(r"serving at (http://[^\s\"]+)")
 
 
 class Service:
     """``gpsfsm serve`` with these words. Use it in a ``with`` statement, or start it by hand.
 
     The process is forked from one that has loaded what it takes, but in a ``folder`` that may hold
-    traps for what it loads, or with another command. Its own processes always are new.
+    traps for what it loads, or with another command. Its own processes always are new, one
+    worker of each kind: a test that needs more names them.
     """
 
     def __init__(self, *words: object, folder: Path | None = None) -> None:
         self._words = [str(word) for word in words]
+        if "--workers" not in self._words:
+            self._words += ["--workers", "1", "--gate-workers", "1"]
         self._folder = folder
         self.command = _NEW
         self.said: list[str] = []

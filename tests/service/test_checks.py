@@ -24,6 +24,7 @@ from gpsfsm.report.json import schema
 from gpsfsm.service.settings import plan_limits
 from gpsfsm.tasks.load import read_task
 from tests.cli.support import runner
+from tests.conftest import REPO
 from tests.service.support import BAD, GOOD, Service
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ def test_a_task_that_is_sent_reads_no_files_of_the_service(client: httpx.Client)
     task = f"{TASK}not_answers: [/etc/passwd]\n"
     found = client.post("/v1/grade", json={"plan": GOOD, "task": task})
     assert found.status_code == 422
-    assert "names no files" in found.json()["detail"]
+    assert "must not name files" in found.json()["detail"]
     broken = client.post("/v1/grade", json={"plan": GOOD, "task": "steps: 3"})
     assert broken.status_code == 422
 
@@ -188,9 +189,20 @@ def test_what_was_counted(client: httpx.Client) -> None:
     assert gates >= 1
     assert int(values['gpsfsm_request_seconds_bucket{endpoint="gate",le="+Inf"}']) >= gates
     assert values["gpsfsm_workers"] == "1"
+    accepted = 'gpsfsm_gate_verdicts_total{verdict="accepted",reason="passed"}'
+    undecided = 'gpsfsm_gate_verdicts_total{verdict="undecided",reason="inconclusive"}'
+    before = {name: int(values.get(name, 0)) for name in (accepted, undecided)}
+    assert before[accepted] >= 1
+    client.post("/v1/gate", json={"plan": GOOD})
+    client.post("/v1/gate", json={"colour": "a verdict"})  # an error is a refusal, too
+    counted = client.get("/metrics").text
+    assert f"{accepted} {before[accepted] + 1}\n" in counted
+    assert f"{undecided} {before[undecided] + 1}\n" in counted
     assert values["gpsfsm_queue_up"] == "1"
     named = [line.split()[2] for line in lines if line.startswith("# TYPE")]
     assert len(named) == len(set(named))
+    page = (REPO / "docs/service.md").read_text("utf-8")
+    assert [name for name in named if f"`{name}`" not in page] == []
 
 
 def test_the_service_is_well(client: httpx.Client) -> None:

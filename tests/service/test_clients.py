@@ -89,5 +89,5 @@ def test_a_token_that_was_verified_is_the_client() -> None:
 
 @pytest.mark.parametrize("wrong", ["proxy.example", "10.0.0.1/8", "", "*"])
 def test_proxies_are_addresses(wrong: str) -> None:
-    with pytest.raises(UsageError, match="no address of a proxy"):
+    with pytest.raises(UsageError, match="not the address of a proxy"):
         Settings(proxies=(wrong,))

@@ -189,7 +189,7 @@ def test_a_key_twice_is_refused_by_every_endpoint_that_reads_json(each: Endpoint
     with pytest.raises(Problem) as refused:
         parsed(each.request, b'{"plan": "a", "task": "b", "plan": "c"}')
     assert refused.value.status == 422
-    assert "the key 'plan' is there twice" in refused.value.detail
+    assert "the key 'plan' occurs twice" in refused.value.detail
 
 
 @pytest.mark.parametrize(

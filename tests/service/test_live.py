@@ -154,6 +154,11 @@ def test_an_action_that_somebody_lets_fail(page: httpx.Client, live: Service) ->
     assert do(page, plan, "fail", element="/Plan/Runner[2]")["why"] == "this runner is not running"
     wrong = page.post(f"/v1/plans/{plan}/fail", json={"node": 1, "element": "/Plan/Runner[1]"})
     assert wrong.status_code == 422
+    empty = page.post(f"/v1/plans/{plan}/fail")
+    assert (empty.status_code, empty.json()["detail"]) == (
+        422,
+        "Value error, name either a node or an element",
+    )
     assert do(page, plan, "fail", element="/Plan/Runner[1]", message="a cat")["success"]
     found = ended(page, plan)
     assert found["status"] == "GAVE_UP"
@@ -234,7 +239,7 @@ def test_a_run_goes_on_as_it_was_when_the_service_is_killed(
         time.sleep(0.3)
         service.kill()
     assert main(["resume", str(tmp_path / "q.db")]) == 2  # plans wait that have another world
-    assert "let 'gpsfsm serve' go on with them" in capsys.readouterr().err
+    assert "let 'gpsfsm serve' continue them" in capsys.readouterr().err
     with Service(*words(tmp_path)) as service, service.client() as client:
         found = until(client, plan, lambda state: state["status"] == "RUNNING")
         assert (found["paused"], found["speed"], found["world"]) == (True, 3.0, "home")

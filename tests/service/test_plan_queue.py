@@ -97,7 +97,7 @@ def test_a_stop_while_the_queue_begins_is_neither_lost_nor_waited_for(tmp_path: 
 
     first, said = asyncio.run(stopped())
     assert first == "lost"
-    assert said[0] == "the plan queue is being started again, and is held when it is back"
+    assert said[0] == "the plan queue is being restarted, and is held once it is back"
     assert said[1].startswith("stop_all: because of me\n")
 
 

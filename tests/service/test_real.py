@@ -34,7 +34,7 @@ from tests.service.support import ended, slow_plan
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_RESTARTED = "the process that runs the plans was started again"
+_RESTARTED = "the process that runs the plans was restarted"
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def test_what_has_no_meaning_for_real_runners_is_refused(real: RealService) -> N
         for what, body in (("step", {}), ("speed", {"speed": 2}), ("fail", {"node": 1})):
             answer = client.post(f"/v1/plans/{number}/{what}", json=body).json()
             assert not answer["success"]
-            assert "as fast as they do" in answer["why"]
+            assert "cannot be stepped" in answer["why"]
 
 
 def test_a_pause_triggers_nothing_more(real: RealService) -> None:
@@ -435,7 +435,7 @@ def test_a_stopper_that_has_ended_is_started_again(real: RealService) -> None:
         until(lambda: client.post("/v1/stop").status_code == 200, "a new stopper")
         assert service.child("stopper_child") != first
         assert client.get("/health").json()["stopper"] == "up"
-        assert "the stopper is not there" in "".join(service.said)
+        assert "the stopper is not available" in "".join(service.said)
 
 
 def test_a_queue_is_not_released_where_nothing_could_be_stopped(real: RealService) -> None:
@@ -470,7 +470,7 @@ def test_a_release_does_not_wait_for_a_queue_that_comes_back_held(real: RealServ
         until(lambda: client.get("/health").json()["queue"] == "down", "the end of the queue")
         answer = client.post("/v1/queue/release")
         assert answer.status_code == 503
-        assert "is being started again" in answer.json()["detail"]
+        assert "is being restarted" in answer.json()["detail"]
         assert held(client) == "stopped by token 0"
 
 
@@ -534,9 +534,9 @@ def test_a_model_goes_on_for_a_plan_that_gave_up(tmp_path: Path) -> None:
         ((), "--real needs --journal"),
         (("--journal", "q.db"), "say what they may reach"),
         (("--journal", "q.db", "--allow-program", "echo"), "a token is needed"),
-        (("--journal", "q.db", "--world", "w.yaml"), "--real and --world contradict each other"),
-        (("--journal", "q.db", "--speed", "2"), "--real and --speed contradict each other"),
-        (("--journal", "q.db", "--failure", "0"), "--real and --failure contradict each other"),
+        (("--journal", "q.db", "--world", "w.yaml"), "--real and --world cannot be used together"),
+        (("--journal", "q.db", "--speed", "2"), "--real and --speed cannot be used together"),
+        (("--journal", "q.db", "--failure", "0"), "--real and --failure cannot be used together"),
     ],
 )
 def test_it_does_not_begin_without_what_it_needs(

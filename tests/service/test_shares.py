@@ -458,7 +458,7 @@ def test_after_a_large_request_it_is_the_turn_of_a_small_one() -> None:
         await asyncio.gather(*slow, return_exceptions=True)
         return status
 
-    assert pooled(work, workers=1, request_s=1) == 200
+    assert pooled(work, workers=1, request_s=2) == 200
 
 
 def test_a_body_of_unknown_length_is_read_before_it_is_refused() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import subprocess
 import sys
 from ipaddress import ip_address
@@ -238,8 +239,41 @@ def test_files_of_tokens_that_make_no_sense(
 
 @pytest.mark.parametrize("name", ["evil.example:80", "a b", "[::1].evil.example", "", "a.", "a/b"])
 def test_names_that_are_none(name: str) -> None:
-    with pytest.raises(UsageError, match="no name of a host"):
+    with pytest.raises(UsageError, match="not a host name"):
         Settings(hosts=(name,))
+
+
+@pytest.mark.parametrize(
+    ("headers", "status", "detail"),
+    [
+        ({"host": "robot.example:80"}, 421, "start the service with --allow-name robot.example"),
+        ({"host": "[2001:db8::7]"}, 421, "start the service with --allow-name [2001:db8::7]"),
+        ({"host": "a b"}, 421, "is not a host name"),
+        ({"origin": "https://robot.example"}, 403, "start it with --allow-name robot.example"),
+        ({"sec-fetch-site": "cross-site"}, 403, "pages of other sites"),
+    ],
+)
+def test_a_refusal_names_the_option_that_helps(
+    headers: dict[str, str], status: int, detail: str
+) -> None:
+    answer = asked(Settings(), **headers)
+    assert (answer.status_code, detail in answer.json()["detail"]) == (status, True), answer.text
+
+
+@pytest.mark.parametrize("name", ["robot.example", "[2001:db8::7]"])
+def test_the_option_that_is_named_helps(name: str) -> None:
+    assert asked(Settings(hosts=(name,)), "/livez", host=name).status_code == 200
+
+
+def test_a_refused_token_is_told_from_a_missing_one() -> None:
+    settings = Settings(tokens=(Secret(TOKEN),))
+    missing, other = asked(settings), asked(settings, authorization="Bearer x")
+    assert (missing.status_code, other.status_code) == (401, 401)
+    for each in (missing, other):
+        assert "--token-file" in each.json()["detail"]
+        assert "GPSFSM_TOKEN" in each.json()["detail"]
+    assert missing.json()["detail"].startswith("a token is needed: send the header")
+    assert other.json()["detail"].startswith("the Authorization header has no token of this")
 
 
 def test_with_a_token_it_serves_everybody_who_has_it(tmp_path: Any) -> None:
@@ -307,3 +341,15 @@ def test_what_keeps_it_from_beginning(
     assert done.returncode == 2
     assert told in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_port_in_use_is_told_with_what_to_do() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        words = [sys.executable, "-m", "gpsfsm", "serve", "--isolated", "--port", str(port)]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"gpsfsm: cannot serve at 127.0.0.1:{port}: Address already in use; "
+        "--port takes another port\n"
+    )

@@ -102,15 +102,17 @@ def test_a_tree_that_is_wrong_is_not_queued(client: httpx.Client) -> None:
     unfilled = DRIVE.replace("8;1;0", "{somewhere}")
     answer = client.post("/v1/plans", json={"plan": unfilled})
     assert answer.status_code == 422
-    assert "3: NavigateToPose: nothing says what {somewhere} is" in answer.json()["detail"]
+    assert "3: NavigateToPose: the value of {somewhere} is unknown" in answer.json()["detail"]
 
 
 def test_a_gate_request_alone_takes_trees_only_if_it_says_so(client: httpx.Client) -> None:
     answers = [
-        client.post("/v1/gate", json={"plan": GRASP, **more}).json()["verdict"]
+        client.post("/v1/gate", json={"plan": GRASP, **more}).json()
         for more in ({}, {"trees": True})
     ]
-    assert answers == ["rejected", "accepted"]
+    assert [answer["verdict"] for answer in answers] == ["rejected", "accepted"]
+    advice = "behaviour trees are decided only if the request sets trees"
+    assert [advice in answer["message"] for answer in answers] == [True, False]
 
 
 def test_a_tree_that_goes_on_for_ever_is_cancelled(client: httpx.Client) -> None:

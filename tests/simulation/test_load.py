@@ -27,9 +27,9 @@ from gpsfsm.simulation.world import (
     Settings,
     Sound,
     Stay,
-    Thing,
     Window,
     World,
+    WorldObject,
     Zone,
 )
 from tests.conftest import REPO
@@ -98,7 +98,7 @@ EXPECTED = World(
             replies_after_s=2,
         ),
     ),
-    things=(Thing("cup", 1, 2, Window(3)),),
+    things=(WorldObject("cup", 1, 2, Window(3)),),
     sounds=(Sound("ding dong", 5, 6), Sound("hum", 1, 9, 1, 2)),
     answers=(
         Answer("HttpRunner", ("GET", "http://a"), "b", {"status_code": 201, "list": [1, "x"]}),
@@ -293,7 +293,7 @@ def test_a_file_with_many_mistakes_is_told_in_few_lines():
         (b"#" * (1 << 20) + b"\n", "describe a smaller world"),
         (b"world: w\nthings: [" + b"1," * 20_000 + b"]", "describe a smaller world"),
         (b"world: w\nplase: []\n", "did you mean 'places'?"),
-        (b"world: w\nzzz: []\n", "known are world, description, map"),
+        (b"world: w\nzzz: []\n", "the keys are world, description, map"),
         (b"world: w\nthings: [{name: a, x: 1, y: 1, form: 2}]\n", "did you mean 'from'?"),
     ],
     ids=range(7),

@@ -93,7 +93,7 @@ def test_other_names_of_what_is_meant(name, hint):
 
 
 def test_outputs_are_judged_where_they_are_declared():
-    assert "known are width" in told("answers: [{to: Grasp, outputs: {zzz: 1}}]", SMALL)
+    assert "the outputs are width" in told("answers: [{to: Grasp, outputs: {zzz: 1}}]", SMALL)
     assert "no output 'width' when it fails" in told(
         "answers: [{to: Grasp, fails: no, outputs: {width: 1}}]", SMALL
     )

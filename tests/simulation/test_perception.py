@@ -16,8 +16,8 @@ from gpsfsm.simulation.world import (
     Settings,
     Sound,
     Stay,
-    Thing,
     Window,
+    WorldObject,
 )
 from tests.simulation.support import control, field_of, plan, run, runner
 
@@ -27,7 +27,7 @@ ADA = Person(
     stays=(Stay(3.0, 0.0, Window(0.0, 100.0)),),
     replies=(Reply(("name",), "I am Ada."), Reply((), "Pardon?")),
 )
-CUP = Thing("red cup", 2.0, 0.5)
+CUP = WorldObject("red cup", 2.0, 0.5)
 
 
 def sees(prompt, *, wait=0, **world):
@@ -51,7 +51,7 @@ def test_people_and_things_in_view(prompt, text):
 def test_nothing_in_view():
     assert sees("Describe it.") == "I see nothing special."
     assert sees("Is there a person?", wait=100, people=(ADA,)) == "No, I see nobody."
-    away = Thing("red cup", -2.0, 0.5)  # behind the robot
+    away = WorldObject("red cup", -2.0, 0.5)  # behind the robot
     assert sees("Where is the red cup?", things=(away,)) == "No, I see none."
     assert "cup" in sees("Describe it.", things=(away,), robot={"view": math.tau})
 
@@ -190,10 +190,10 @@ def test_a_check_of_nothing_in_view_fails():
 
 
 def test_answers_of_the_file_decide_a_check():
-    analysis = Answer("ImageAnalysisRunner", asked=("door",), text="Yes, it is open.")
+    analysis = Answer("ImageAnalysisRunner", words=("door",), text="Yes, it is open.")
     assert checked("Is the door open?", answers=(analysis,))[0] == "yes"
     assert checked("Is the lamp on?", answers=(analysis,))[0] == "unclear"
-    own = Answer("CheckRunner", asked=("door",), text="no")
+    own = Answer("CheckRunner", words=("door",), text="no")
     assert checked("Is the door open?", answers=(analysis, own))[0] == "no"
     broken = Answer("ImageAnalysisRunner", fails="The camera is off.")
     assert checked("Is the door open?", answers=(broken,))[1] == "The camera is off."

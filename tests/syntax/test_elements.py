@@ -12,26 +12,26 @@ from tests.syntax.support import GO, problems, rules, the_only, underlined
 @pytest.mark.parametrize(
     ("text", "message", "hint"),
     [
-        ("", "the text is empty: there is no <Plan>", "a plan is written <Plan>…</Plan>"),
-        (" \n\t", "the text is empty: there is no <Plan>", "a plan is written"),
-        ("<!-- only this -->", "there is no <Plan> in this text", "a plan is written"),
+        ("", "the text is empty: there is no <Plan>", "write a plan as <Plan>…</Plan>"),
+        (" \n\t", "the text is empty: there is no <Plan>", "write a plan as"),
+        ("<!-- only this -->", "the text contains no <Plan>", "write a plan as"),
         (
             "Drive to the dock.",
-            "there is no <Plan> in this text, nor any other element",
-            "a plan is written",
+            "the text contains no <Plan> and no other element",
+            "write a plan as",
         ),
-        ("Use:\n```\nnothing\n```", "there is no <Plan>", "if this is a model's answer"),
-        ("&lt;Plan&gt;", "there is no <Plan>", "the plan is written with '&lt;'"),
-        ("< Plan>", "there is no <Plan>", "remove the space after '<'"),
+        ("Use:\n```\nnothing\n```", "the text contains no <Plan>", "if this is a model's answer"),
+        ("&lt;Plan&gt;", "the text contains no <Plan>", "the plan is written with '&lt;'"),
+        ("< Plan>", "the text contains no <Plan>", "remove the space after '<'"),
         (
             '<root main_tree_to_execute="Main"><BehaviorTree/></root>',
             "the outermost element is <root>: this is a BehaviorTree.CPP behaviour tree",
-            "a plan is written <Plan>…</Plan> with <Control> and <Runner>",
+            "write a plan as <Plan>…</Plan> with <Control> and <Runner>",
         ),
         (
             f"<answer><Plan>{GO}</Plan></answer>",
             "the outermost element is <answer>, but a plan is one <Plan> element",
-            "the <Plan> on line 1 must be outermost; if this is a model's answer",
+            "make the <Plan> on line 1 the outermost element; if this is a model's answer",
         ),
         (
             f'<Control type="sequential">{GO}</Control>',
@@ -39,8 +39,8 @@ from tests.syntax.support import GO, problems, rules, the_only, underlined
             "put <Plan> before it and </Plan> after it",
         ),
         (f"<plan>{GO}</plan>", "the outermost element is <plan>", "write <Plan>"),
-        ("<html/>", "the outermost element is not <Plan>: a plan is", "a plan is written"),
-        ("<html><runner/></html>", "the outermost element is <html>", "a plan is written"),
+        ("<html/>", "the outermost element is not <Plan>: a plan is", "write a plan as"),
+        ("<html><runner/></html>", "the outermost element is <html>", "write a plan as"),
     ],
 )
 def test_missing_plan(text, message, hint):
@@ -77,15 +77,15 @@ def test_what_is_inside_a_wrong_root_is_checked_nevertheless():
         ("runner", "write <Runner>: names of elements are case-sensitive"),
         ("CONTROL", "write <Control>: names of elements are case-sensitive"),
         ("Runer", "write <Runner>"),
-        ("Event", '<Event name="…" provider="…"/> is how plans of 2024 said it'),
-        ("Sequence", 'this is a behaviour tree word; write <Control type="sequential">'),
-        ("Fallback", 'this is a behaviour tree word; write <Control type="recovery">'),
-        ("Parallel", 'this is a behaviour tree word; write <Control type="parallel_all">'),
-        ("RetryUntilSuccesful", "this is a behaviour tree word; a plan has no loops"),
-        ("SubTree", "this is a behaviour tree word; a plan has no such element"),
-        ("Action", "this is a behaviour tree word; a plan says what to do with <Runner"),
+        ("Event", '<Event name="…" provider="…"/> is the notation of 2024'),
+        ("Sequence", 'this is a behaviour tree element; write <Control type="sequential">'),
+        ("Fallback", 'this is a behaviour tree element; write <Control type="recovery">'),
+        ("Parallel", 'this is a behaviour tree element; write <Control type="parallel_all">'),
+        ("RetryUntilSuccesful", "this is a behaviour tree element, and plans have no loops"),
+        ("SubTree", "this is a behaviour tree element, and plans have nothing like it"),
+        ("Action", "this is a behaviour tree element; write <Runner"),
         ("MoveBase", "write <Runner interface=…".replace("=…", '="…"')),
-        ("Dance", "a plan holds <Control> and <Runner> elements only"),
+        ("Dance", "a plan contains only <Control> and <Runner> elements"),
     ],
 )
 def test_unknown_element(tag, hint):
@@ -127,8 +127,9 @@ def test_a_behaviour_tree_inside_a_plan_is_one_problem():
         (3, "<MoveBase>"),
     ]
     assert problem.hint == (
-        'write <Sequence> as <Control type="sequential">; <MoveBase> and <Nav2PreCheck> as '
-        '<Runner interface="…" provider="…"/>. A tree inside <root> is checked as a tree'
+        'write <Sequence> as <Control type="sequential">; <MoveBase> and '
+        '<Nav2PreCheck> as <Runner interface="…" provider="…"/>. To have it '
+        "checked as a tree, put it into <root>"
     )
 
 
@@ -168,7 +169,7 @@ def test_rules_hold_inside_unknown_elements_too():
 
 def test_a_plan_inside_a_plan_is_unknown():
     problem = the_only(f"<Plan>{GO}<Plan>{GO}</Plan></Plan>")
-    assert (problem.rule, problem.message) == ("GP105", "a <Plan> must not stand inside a plan")
+    assert (problem.rule, problem.message) == ("GP105", "a plan must not contain a <Plan>")
 
 
 @pytest.mark.parametrize("root", ['<Plan xmlns="urn:x">', "<Plan>"])
@@ -192,7 +193,7 @@ def test_an_empty_namespace_is_none():
         ("Parallel_any", 'write type="parallel_any": types are case-sensitive'),
         ("parallel-all", 'write type="parallel_all": types are case-sensitive'),
         ("sequental", 'write type="sequential"'),
-        (" recovery ", 'remove the blanks: type="recovery"'),
+        (" recovery ", 'remove the spaces: type="recovery"'),
         ("xyzzy", "use sequential, recovery, parallel_any or parallel_all"),
     ],
 )
@@ -227,7 +228,7 @@ def test_unknown_control_type(written, hint):
         (
             '<Control name="recovery">{}</Control>',
             "this control has no type",
-            'name="recovery" is how plans of 2024 said it; write type="recovery"',
+            'name="recovery" is the notation of 2024; write type="recovery"',
             False,
         ),
         ('<Control type=" ">{}</Control>', "the type of this control is empty", "add type", False),
@@ -380,8 +381,8 @@ def test_a_runner_holds_nothing():
     open_tag = GO.replace("/>", ">")
     parsed = parse(f"<Plan>{open_tag}{GO}more</Runner>{open_tag}say</Runner>{GO}</Plan>")
     assert [(p.rule, p.location.element, p.message) for p in parsed.problems] == [
-        ("GP114", "/Plan/Runner[1]", "a runner holds nothing, but this one holds <Runner>"),
-        ("GP114", "/Plan/Runner[2]", "a runner holds nothing, but this one holds the text: say"),
+        ("GP114", "/Plan/Runner[1]", "a runner must be empty, but this one contains <Runner>"),
+        ("GP114", "/Plan/Runner[2]", "a runner must be empty, but this one contains the text: say"),
     ]
     assert parsed.plan is not None
     assert [parsed.plan.path(r) for r in parsed.plan.runners] == [

@@ -8,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 import pytest
 
 from gpsfsm.syntax.scripts import Script, read_script
+from tests.cases import many
 
 TOKENS = (
     *("a", "b", "@c", "a1", "1", "2.5", "+1", "0x1f", "'t'", "true", ":=", "=", "+=", "==", "!="),
@@ -81,7 +82,7 @@ def test_the_engine_takes_what_we_take() -> None:
     factory = pytest.importorskip("behaviortreepy", reason=reason).BehaviorTreeFactory()
     choose = random.Random(11)  # noqa: S311
     taken = 0
-    for text in (*ODD, *(_script(choose) for _ in range(2500))):
+    for text in (*ODD, *(_script(choose) for _ in range(many(2500)))):
         if text.rstrip().endswith(";"):
             continue  # releases differ
         node = f"<AlwaysSuccess _onSuccess={quoteattr(text)}/>"
@@ -94,4 +95,4 @@ def test_the_engine_takes_what_we_take() -> None:
             loads = True
         assert loads == (read_script(text).fault < 0), text
         taken += loads
-    assert taken > 500
+    assert taken > many(500)

@@ -63,10 +63,10 @@ def test_a_text_is_decoded_already_whatever_it_declares():
         (codecs.BOM_UTF16_LE + b"<", "the byte 0x3C (byte 3 of the text)", (1, 1)),
         (
             b'<?xml version="1.0" encoding="utf-7"?><Plan/>',
-            "the text declares the encoding 'utf-7', which gpsfsm does not read",
+            "the text declares the encoding 'utf-7', which gpsfsm cannot read",
             (1, 31),
         ),
-        ("<Plan/>".encode("utf-32"), "the text is UTF-32, which gpsfsm does not read", (1, 1)),
+        ("<Plan/>".encode("utf-32"), "the text is UTF-32, which gpsfsm cannot read", (1, 1)),
         (b"\x89PNG\r\n\x1a\n\0\0", "the byte 0x89 (byte 1 of the text) is not valid UTF-8", (1, 1)),
     ],
 )
@@ -86,7 +86,7 @@ def test_a_wrong_declaration_of_utf_16_has_one_repair():
     parsed = parse(declared("UTF-16").encode())
     (problem,) = parsed.problems
     assert problem.rule == "GP116"
-    assert "'UTF-16', but it is not written in it" in problem.message
+    assert "'UTF-16', but is not encoded in it" in problem.message
     assert (problem.location.line, problem.location.column, problem.length) == (1, 31, 6)
     assert parsed.plan is not None
 

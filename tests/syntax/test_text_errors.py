@@ -18,13 +18,13 @@ REPAIRS = [
     ('t="&ltname"', "'&lt' lacks its semicolon", "&lt", "&ltname"),
     (
         't="x&nbsp;y"',
-        "'&nbsp;' is unknown: a plan knows &lt; &gt; &amp; &quot; &apos; only",
+        "unknown entity '&nbsp;': only &lt; &gt; &amp; &quot; &apos; are defined",
         "&nbsp;",
         "x&nbsp;y",
     ),
-    ('t="&#0;"', "'&#0;' does not stand for a character that XML allows", "&#0;", "&#0;"),
-    ('t="&#xD800;"', "'&#xD800;' does not stand for a character that XML allows", "&#xD800;", None),
-    ('t="&#99999999999;"', "'&#99999999999;' does not stand for", "&#99999999999;", None),
+    ('t="&#0;"', "'&#0;' does not denote a character that XML allows", "&#0;", "&#0;"),
+    ('t="&#xD800;"', "'&#xD800;' does not denote a character that XML allows", "&#xD800;", None),
+    ('t="&#99999999999;"', "'&#99999999999;' does not denote", "&#99999999999;", None),
     ('t="if x < 3"', "'<' is not allowed in the value of 't'", "<", "if x < 3"),
     ("t=north", "the value of 't' is not in quotes", "north", "north"),
     ("t=a/b", "the value of 't' is not in quotes", "a/b", "a/b"),
@@ -33,9 +33,9 @@ REPAIRS = [
     ('t "1"', "'=' is missing after 't'", "t", "1"),
     ("t", "the attribute 't' has no value", "t", None),
     ("t=", "the attribute 't' has no value", "t", None),
-    ('t="1"u="2"', "a blank is missing before the attribute 'u'", "u", "1"),
-    ('t="1" "2"', '"2" does not belong into the tag <Runner>', '"2"', "1"),
-    ('t="1" 2u="3"', "'2u' is not the name of an attribute", "2u", "1"),
+    ('t="1"u="2"', "a space is missing before the attribute 'u'", "u", "1"),
+    ('t="1" "2"', '"2" does not belong in the tag <Runner>', '"2"', "1"),
+    ('t="1" 2u="3"', "'2u' is not a valid attribute name", "2u", "1"),
     ('t="1" /', "a stray '/' in the tag <Runner>", "/", "1"),
     (
         "t=\u201cnorth\u201d",
@@ -107,11 +107,11 @@ def test_all_errors_are_reported_at_once_and_in_order():
         ('<?xml version="1.0">\n<Plan>{}</Plan>', "the XML declaration does not end in '?>'"),
         (
             ' <?xml version="1.0"?>\n<Plan>{}</Plan>',
-            "an XML declaration is allowed at the very start of the text only",
+            "an XML declaration is allowed only at the very start of the text",
         ),
         (
             '<Plan><?xml version="1.0"?>{}</Plan>',
-            "an XML declaration is allowed at the very start of the text only",
+            "an XML declaration is allowed only at the very start of the text",
         ),
         ('<?xml vers="1.0"?><Plan>{}</Plan>', "this XML declaration is malformed"),
         ('<!xml version="1.0"?><Plan>{}</Plan>', "'<!xml version=\"1.0\"?>' is not XML"),
@@ -120,8 +120,8 @@ def test_all_errors_are_reported_at_once_and_in_order():
         ("<Plan>{}<!-- a -- b --></Plan>", "'--' is not allowed inside a comment"),
         ("<Plan>{}<!-- a ---></Plan>", "'--' is not allowed inside a comment"),
         ("<Plan>{}</Plan><!-- a", "a comment is never closed with '-->'"),
-        ("<Plan>{}</Plan x>", "an end tag holds a name and nothing else: '</Plan x>'"),
-        ("<Plan>{}</ Plan>", "an end tag holds a name and nothing else: '</ Plan>'"),
+        ("<Plan>{}</Plan x>", "an end tag contains only a name: '</Plan x>'"),
+        ("<Plan>{}</ Plan>", "an end tag contains only a name: '</ Plan>'"),
         ("<Plan>{}</Plan", "the end tag '</Plan' has no '>'"),
     ],
 )
@@ -153,7 +153,7 @@ def test_errors_with_one_repair_keep_the_plan(text, message):
             (2, 1),
         ),
         ("<Plan>{}\n</plan>", "</plan> does not match <Plan> on line 1", (2, 1)),
-        ("<Plan>{}\n</>", "'</>' closes no element: the name is missing", (2, 1)),
+        ("<Plan>{}\n</>", "'</>' is an end tag without a name", (2, 1)),
         (
             '<Plan>\n<Control type="recovery">{}',
             "the text ends too early: <Control> (line 2) and <Plan> (line 1) are never closed",
@@ -164,11 +164,11 @@ def test_errors_with_one_repair_keep_the_plan(text, message):
         ("<Plan>{}\n<![CDATA[ and then", "a CDATA section is never closed with ']]>'", (2, 1)),
         (
             "<Plan>{}</Plan>\n<Plan>{}</Plan>",
-            "a plan text holds one <Plan>; <Plan> stands after its end",
+            "a plan is a single <Plan>, but <Plan> comes after its end",
             (2, 1),
         ),
         ("</Control>\n<Plan>{}</Plan>", "</Control> closes nothing", (1, 1)),
-        ("<Plan>\n< Runner/></Plan>", "this '<' begins no tag: '< Runner/></'", (2, 1)),
+        ("<Plan>\n< Runner/></Plan>", "this '<' does not begin a tag: '< Runner/></'", (2, 1)),
     ],
 )
 def test_errors_of_nesting_leave_no_plan(text, message, place):
@@ -213,7 +213,7 @@ def test_a_cut_off_answer_lists_what_is_open():
 def test_a_doctype_is_refused_and_skipped_whole(doctype):
     parsed = parse(f"{doctype}<Plan>{GO}</Plan>")
     assert [p.rule for p in parsed.problems] == ["GP102"]
-    assert parsed.problems[0].message.startswith("a DOCTYPE is refused")
+    assert parsed.problems[0].message.startswith("a DOCTYPE is not allowed")
     assert parsed.plan is not None
     assert len(parsed.plan.runners) == 1
 
@@ -249,8 +249,8 @@ def test_the_first_of_two_equal_attributes_counts():
 def test_characters_that_xml_forbids_are_read_as_blanks():
     parsed = parse(runner('t="a\0b\0c"') + "\x01")
     assert [p.message for p in parsed.problems] == [
-        "the control character U+0000 (NUL) stands in the text, 2 times; XML does not allow it",
-        "the control character U+0001 stands in the text; XML does not allow it",
+        "the text contains the control character U+0000 (NUL) 2 times, which XML does not allow",
+        "the text contains the control character U+0001, which XML does not allow",
     ]
     assert {p.rule for p in parsed.problems} == {"GP116"}
     assert len(parsed.problems[0].related) == 1
@@ -288,8 +288,8 @@ def test_the_number_of_problems_is_capped_per_rule_and_the_rest_is_counted():
     [
         (0x0B, "control character U+000B"),
         (0x1F, "control character U+001F"),
-        (0xD800, "half character U+D800"),
-        (0xDFFF, "half character U+DFFF"),
+        (0xD800, "surrogate U+D800"),
+        (0xDFFF, "surrogate U+DFFF"),
         (0xFFFE, "character U+FFFE"),
         (0xFFFF, "character U+FFFF"),
     ],
@@ -297,4 +297,4 @@ def test_the_number_of_problems_is_capped_per_rule_and_the_rest_is_counted():
 def test_what_kind_of_character_is_not_allowed(number, what):
     problem = the_only(runner(f't="{chr(number)}"'))
     assert problem.rule == "GP116"
-    assert problem.message == f"the {what} stands in the text; XML does not allow it"
+    assert problem.message == f"the text contains the {what}, which XML does not allow"

@@ -148,14 +148,14 @@ def test_what_is_said_about_rules_that_make_no_sense() -> None:
         "t.yaml:4:5: error: there is no rule 'responce'",
         "t.yaml:5:5: error: an entry of 'rules' must hold exactly one rule",
         "t.yaml:6:24: error: 'after' must be start or success or failure, not 'noon'",
-        "t.yaml:6:37: error: 'times' says nothing with 'response'",
+        "t.yaml:6:37: error: 'times' has no effect with 'response'",
         "t.yaml:7:18: error: 'times' must be a whole number from 1 to 20, not '0'",
         "t.yaml:8:6: error: there is no place or action 'C'",
         "t.yaml:9:5: error: the formula does not parse, at character 15:"
         " something is missing at the end",
-        "t.yaml:10:5: error: the formula does not parse, at character 3: 'begin' is no event",
+        "t.yaml:10:5: error: the formula does not parse, at character 3: 'begin' is not an event",
         "t.yaml:11:5: error: there is no place or action 'D'",
-        "t.yaml:12:24: error: 'after' says nothing with 'ltlf'",
+        "t.yaml:12:24: error: 'after' has no effect with 'ltlf'",
         "t.yaml:13:5: error: an entry of 'rules' must hold exactly one rule",
     ]
 
@@ -194,3 +194,10 @@ KEYS = [
 @given(st.lists(st.sampled_from(KEYS), max_size=30).map("".join))
 def test_no_piece_of_a_task_breaks_the_reader(text: str) -> None:
     assert answered(text.encode()).startswith("<task>")
+
+
+def test_an_unknown_rule_is_refused_with_all_rules() -> None:
+    with pytest.raises(ConfigError) as refused:
+        read_task(b"rules:\n  - never: speak\n", file="t.yaml")
+    _, hint, *_ = str(refused.value).splitlines()
+    assert hint.strip().startswith("the rules are: ltlf, existence, absence, exactly, ")

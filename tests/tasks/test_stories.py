@@ -56,12 +56,12 @@ CASES = {
     "missing": (
         plan(A, D),
         *("GP601", 3, "step 2 ('B') is missing: no runner of the plan does it"),
-        [AFTER_A, f"{GO(4, 3)} starts, though step 2 ('B') is due"],
+        [AFTER_A, f"{GO(4, 3)} starts although step 2 ('B') is due"],
     ),
     "nothing done": (
         plan(SAY),
         *("GP601", 1, "step 1 ('A') is missing: no runner of the plan does it"),
-        ["SayRunner at line 2 succeeds", "the plan completes, though step 1 ('A') is due"],
+        ["SayRunner at line 2 succeeds", "the plan completes although step 1 ('A') is due"],
     ),
     "extra": (
         plan(A, B, rec(C, D), E, D),
@@ -70,13 +70,13 @@ CASES = {
     ),
     "repeated": (
         plan(A, A, B, rec(C, D), D),
-        *("GP603", 3, f"{GO(1, 3)} is done again: it belongs to step 1 of the task"),
+        *("GP603", 3, f"{GO(1, 3)} does step 1 of the task again"),
         [AFTER_A, f"{GO(1, 3)} starts again"],
     ),
     "misordered": (
         plan(B, A, D),
-        *("GP604", 2, f"{GO(2, 2)} comes before step 1 ('A'), which the task wants first"),
-        [f"{GO(2, 2)} starts, though step 1 ('A') is due"],
+        *("GP604", 2, f"{GO(2, 2)} comes before step 1 ('A'), which the task requires first"),
+        [f"{GO(2, 2)} starts although step 1 ('A') is due"],
     ),
     "skipped, and given up": (
         plan(A, B, D),
@@ -86,7 +86,7 @@ CASES = {
     "skipped, and gone on": (
         plan(A, B, rec(D), D),
         *("GP605", 5, "when 'B' fails, the plan does not try 'C'"),
-        [AFTER_A, f"{GO(2, 3)} fails", f"the plan goes on with {GO(4, 5)} without trying 'C'"],
+        [AFTER_A, f"{GO(2, 3)} fails", f"the plan continues with {GO(4, 5)} without trying 'C'"],
     ),
     "the second alternative skipped": (
         plan(A, B, rec(C), D),
@@ -110,15 +110,15 @@ CASES = {
         plan(A, B, rec(C, D), C, D),
         "GP606",
         8,
-        f"{GO(3, 8)} is for when step 2 ('B') fails, but the plan does it afterwards",
-        [AFTER_A, f"{GO(2, 3)} succeeds", f"{GO(3, 8)} starts, though step 2 ('B') is done"],
+        (f"{GO(3, 8)} is for when step 2 ('B') fails, but the plan does it after the step is done"),
+        [AFTER_A, f"{GO(2, 3)} succeeds", f"{GO(3, 8)} starts although step 2 ('B') is done"],
     ),
     "alternative without need": (
         plan(A, C, B, D),
         "GP606",
         3,
-        f"{GO(3, 3)} is for when step 2 ('B') fails, but the plan does it without that",
-        [AFTER_A, f"{GO(3, 3)} starts, though step 2 ('B') has not failed"],
+        (f"{GO(3, 3)} is for when step 2 ('B') fails, but the plan does it without such a failure"),
+        [AFTER_A, f"{GO(3, 3)} starts although step 2 ('B') has not failed"],
     ),
 }
 
@@ -132,7 +132,7 @@ def test_the_ways_to_leave_a_task_are_told_apart(
 
 def test_two_steps_at_once_are_told_in_both_orders() -> None:
     during = f"{GO(2, 4)} can start while step 1 ('A') is still running"
-    before = f"{GO(2, 4)} comes before step 1 ('A'), which the task wants first"
+    before = f"{GO(2, 4)} comes before step 1 ('A'), which the task requires first"
     told = [(rule, message) for rule, _, message, _ in found(plan(par_all(A, B), rec(), D))]
     assert sorted(told) == [("GP604", during), ("GP604", before)]
 
@@ -141,13 +141,13 @@ def test_a_plan_that_completes_beside_its_steps() -> None:
     told = found(plan(par_any(seq(A, B, rec(C, D), D), SAY)))
     assert [rule for rule, *_ in told] == ["GP607"] * 6
     assert told[1][2] == (
-        "the plan completes even if step 2 ('B') and its alternatives fail: it has to give up then"
+        "the plan completes even if step 2 ('B') and its alternatives fail: it must give up then"
     )
     assert told[4][3] == [
         "GoRunner (x=1) at line 4 succeeds",
         "GoRunner (x=2) at line 5 is running",
         "SayRunner at line 12 succeeds",
-        "the plan completes, and step 2 ('B') is still running",
+        "the plan completes while step 2 ('B') is still running",
     ]
 
 
@@ -161,7 +161,7 @@ def test_a_broken_rule_is_told_with_its_name() -> None:
             "a run breaks a rule of the task 'report the end': response of 'B' and 'say'",
             [
                 *(f"{GO(1, 2)} succeeds", f"{GO(2, 3)} succeeds", f"{GO(4, 8)} succeeds"),
-                "the plan completes, and the rule is not fulfilled",
+                "the plan completes, but the rule is not fulfilled",
             ],
         )
     ]

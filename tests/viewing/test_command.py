@@ -41,6 +41,7 @@ def test_several_plans_of_which_one_is_broken(tmp_path: Path) -> None:
         (tmp_path / name).write_text(text)
     done = run("view", ".", cwd=tmp_path)
     assert done.returncode == 1
+    assert done.stderr.endswith(b" kB; 1 with errors in the text\n")
     found = _shown((tmp_path / "plans.html").read_bytes())
     assert [plan["name"] for plan in found["plans"]] == ["a.xml", "b.xml"]
     assert found["title"] == "2 plans"

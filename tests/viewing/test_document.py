@@ -116,7 +116,7 @@ def test_what_remains_of_a_text_is_shown_and_said_to_be_no_plan() -> None:
     ]
     assert plan["automaton"] is not None
     assert plan["facts"] is None
-    assert any("the text is no plan" in note for note in plan["notes"])
+    assert any("the text is not a plan" in note for note in plan["notes"])
     assert plan["plays"] == []
 
 
@@ -209,7 +209,7 @@ def test_two_plans_that_do_the_same() -> None:
 def test_two_texts_of_which_one_is_no_plan(other: str | None) -> None:
     diff = document_of(STEPS, other, diff=True)["diff"]
     assert diff["verdict"] == "undecided"
-    assert "no plan" in diff["words"][0]
+    assert "not a plan" in diff["words"][0]
 
 
 def test_the_same_document_twice() -> None:
@@ -245,3 +245,37 @@ def test_a_defect_costs_a_part_and_not_the_page(monkeypatch: pytest.MonkeyPatch)
     assert plan["elements"]
     assert plan["automaton"] is None
     assert any("of the universe" in note for note in plan["notes"])
+
+
+SUBTREES = """<root BTCPP_format="4" main_tree_to_execute="Main">
+<BehaviorTree ID="Main"><ReactiveSequence name="while safe">
+  <Fallback><IsSafe/><Stop/></Fallback>
+  <RetryUntilSuccessful num_attempts="2"><SubTree ID="Away"/></RetryUntilSuccessful>
+</ReactiveSequence></BehaviorTree>
+<BehaviorTree ID="Away"><Sequence><Turn angle="90"/><Drive/></Sequence></BehaviorTree>
+</root>"""
+
+
+def test_uses_of_the_leaves_of_a_tree_stand_below_its_nodes() -> None:
+    plan = only(SUBTREES)
+    rows, automaton = plan["elements"], plan["automaton"]
+    assert automaton["flat"]
+    assert all(row["parent"] < place for place, row in enumerate(rows))
+    for row in rows:
+        base = row["path"].partition("@")[0]
+        around = rows[row["parent"]]["path"].partition("@")[0]
+        if row["kind"] == "runner" and row["type"] not in ("choice", "tick"):
+            assert base.startswith(f"{around}/")
+            assert "/" not in base.removeprefix(f"{around}/"), "the node right above it"
+    labels = {row["path"].rpartition("/")[2].partition("[")[0] for row in rows}
+    assert {"ReactiveSequence", "Fallback", "Sequence", "IsSafe", "Turn"} <= labels
+    [reactive] = [row for row in rows if row["type"] == "ReactiveSequence"]
+    assert (reactive["kind"], reactive["name"], reactive["line"]) == ("control", "while safe", 2)
+    [away] = [row for row in rows if row["type"] == "BehaviorTree"]
+    assert away["name"] == "Away"
+    for node in automaton["nodes"]:
+        if node["kind"] == "runner" and not node.get("hidden"):
+            row = rows[node["element"]]
+            assert row["kind"] == "runner"
+            assert row["label"] in node["label"][0] or row["type"] in ("choice", "tick")
+            assert f"line {row['line']}" in node["label"][-1]

@@ -44,6 +44,19 @@ def test_all_kinds_of_exports() -> None:
     assert '"export const e"' in script
 
 
+def test_comments_and_indentation_stay_behind() -> None:
+    script = _joined(
+        entry=(
+            "// Why.\n/**\n * @param {number} a\n */\nfunction one(a) {\n  // so\n"
+            '  return `${a} // no comment` + "/* nor this */";  // kept\n}\n'
+        )
+    )
+    assert "// entry.js\nfunction one(a) {\nreturn `${a} // no comment`" in script
+    assert '"/* nor this */";' in script
+    assert "Why" not in script
+    assert "@param" not in script
+
+
 REFUSED = {
     "another name": 'import { a as b } from "./x.js";',
     "everything": 'import * as all from "./x.js";',
@@ -58,6 +71,7 @@ REFUSED = {
     "names taken apart": "export const { a, b } = {};",
     "end of the script": 'const a = "</SCRIPT>";',
     "begin of a comment": 'const a = "<!--";',
+    "text of two lines": "const a = `one\n// two`;",
     "missing name": 'import { missing } from "./x.js";',
     "not exported": 'import { hidden } from "./x.js";',
     "name twice": 'import { a } from "./x.js";\nfunction hidden() {}',

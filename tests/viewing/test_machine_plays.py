@@ -18,6 +18,7 @@ from gpsfsm.viewing.document import compared
 from gpsfsm.viewing.plans import Viewed, seen_of
 from gpsfsm.viewing.plays import play_visits
 from tests.analysis.machines.random_machines import machine, machines
+from tests.cases import many
 from tests.viewing.support import only
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def test_the_example_with_its_lassos() -> None:
     assert loop["story_at"] == sorted(loop["story_at"])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=many(60), deadline=None)
 @given(machines())
 def test_every_scenario_of_a_machine_is_played(graph: nx.MultiDiGraph[Any]) -> None:
     plan, _ = machine_of(graph)

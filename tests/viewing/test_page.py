@@ -7,12 +7,14 @@ import hashlib
 import json
 import re
 from html.parser import HTMLParser
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gpsfsm.viewing.js_bundle import joined
 from gpsfsm.viewing.page import data_block, is_report, page, unpacked
 from tests.fixing.support import STEPS
 from tests.viewing.support import document_of
@@ -130,3 +132,36 @@ def test_a_page_of_a_dozen_runners_is_small() -> None:
     found = document_of(text)
     assert found["plans"][0]["facts"]["runners"] == 12
     assert len(page(found).encode()) < 250_000
+
+
+def test_pages_of_hundreds_of_runners_grow_with_their_plans() -> None:
+    text = (REPO / "corpus" / "plans" / "tour_guide.xml").read_text(encoding="utf-8")
+    bare = len(page(document_of("<Plan/>")).encode())
+    assert bare < 225_000
+    runner = '<Runner interface="nav/Waypoint" provider="nav/Waypoint" x="1.5" y="2"/>'
+    hundred, thousand = (
+        len(page(document_of(f"<Plan>{runner * count}</Plan>")).encode()) - bare
+        for count in (100, 1_000)
+    )
+    assert hundred < 120_000
+    assert thousand < 450_000
+    assert len(page(document_of(text)).encode()) - bare < 40_000
+
+
+def test_styles_and_scripts_hold_nothing_that_only_authors_read() -> None:
+    parts = _Parts(page(document_of(STEPS)))
+    (style,) = (text for kind, text in parts.inside if kind == "style")
+    assert "/*" not in style
+    (script,) = (text for kind, text in parts.inside if kind == "script" and "use strict" in text)
+    assert not re.search(r"^(//(?! [\w-]+\.js$)|[ \t]|/\*)", script, re.MULTILINE)
+
+
+def test_texts_of_scripts_stay_as_they_are() -> None:
+    parts = _Parts(page(document_of(STEPS)))
+    (script,) = (text for kind, text in parts.inside if kind == "script" and "use strict" in text)
+    folder = resources.files("gpsfsm.viewing") / "web"
+    whole = joined("report.js", lambda name: folder.joinpath(name).read_text(encoding="utf-8"))
+    bare = re.sub(r"(?m) // .*$", "", whole)
+    texts = r'"(?:[^"\\\n]|\\.)*"'
+    assert re.findall(texts, re.sub(r"(?m) // .*$", "", script)) == re.findall(texts, bare)
+    assert len(script) < 0.97 * len(whole)

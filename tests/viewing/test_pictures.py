@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import random
 import shutil
-import subprocess
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -19,6 +17,7 @@ from gpsfsm.picture.routing import Router
 from gpsfsm.viewing.picture import automaton_data
 from gpsfsm.viewing.plans import see
 from tests.conftest import REPO
+from tests.viewing.support import in_node
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -81,16 +80,7 @@ def pictures() -> list[tuple[Automaton, list[Picture]]]:
         groups = range(len(data["groups"]))
         folds = [[group for group in groups if generator.random() < share] for share in (0.2, 0.6)]
         asked.append({"automaton": data, "folds": folds})
-    done = subprocess.run(
-        ["node", Path(__file__).with_name("pictures.mjs"), str(WEB)],
-        input=json.dumps(asked),
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    return list(zip(found, json.loads(done.stdout), strict=True))
+    return list(zip(found, in_node("pictures.mjs", asked), strict=True))
 
 
 def test_what_is_unfolded_stands_where_python_puts_it(
@@ -257,3 +247,30 @@ def touches(point: list[float], box: dict[str, float], slack: float = 1.0) -> bo
         box["x"] - slack <= x <= box["x"] + box["width"] + slack
         and box["y"] - slack <= y <= box["y"] + box["height"] + slack
     )
+
+
+REACTIVE = """<root BTCPP_format="4"><BehaviorTree ID="Go"><RecoveryNode number_of_retries="4">
+<ReactiveSequence><IsGoal/><IsSafe/><IsCharged/><FollowPath/></ReactiveSequence><Spin/>
+</RecoveryNode></BehaviorTree></root>"""
+
+
+def test_connections_that_stop_are_laid_out_unless_they_would_hide_all_others() -> None:
+    door = (REPO / "docs" / "examples" / "door.json").read_text(encoding="utf-8")
+    for text, drawn in ((door, True), (REACTIVE, False)):
+        seen = see(text, "plan", CheckOptions())
+        assert seen.compiled is not None
+        automaton = seen.compiled.automaton
+        assert (len(automaton.stops) <= len(automaton.edges)) is drawn
+        data = automaton_data(automaton)
+        stops = [edge for edge in data["edges"] if edge.get("stops")]
+        assert len(stops) == len(automaton.stops) > 0
+        assert all(bool(edge["route"]) is drawn for edge in stops)
+        assert all(edge["route"] for edge in data["edges"] if not edge.get("stops"))
+        (picture, *_), *_ = in_node("pictures.mjs", [{"automaton": data, "folds": []}])
+        bare = [edge for edge in picture["edges"] if not edge["route"]]
+        assert bool(bare) is not drawn
+        for edge in bare:  # from border to border
+            for item, (x, y) in zip((edge["source"], edge["target"]), edge["full"], strict=True):
+                box = picture["items"][item]["box"]
+                assert box["x"] - NEAR <= x <= box["x"] + box["width"] + NEAR
+                assert box["y"] - NEAR <= y <= box["y"] + box["height"] + NEAR

@@ -14,11 +14,13 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.execution.records import Status
 from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.story import Statement
 from gpsfsm.syntax import parse
 from gpsfsm.viewing import plays
 from gpsfsm.viewing.document import document
 from gpsfsm.viewing.plans import Viewed
 from gpsfsm.viewing.plays import Wanted, play
+from tests.conftest import REPO
 from tests.fixing.support import go, say
 from tests.oracle import par_any, to_xml
 from tests.oracle import plan as plan_of
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.compile import Compiled
     from gpsfsm.model.finding import Finding, Scenario
+    from gpsfsm.model.report import PlanReport
     from tests.oracle import P
 
 
@@ -45,7 +48,7 @@ def test_a_play_is_the_run_that_the_finding_tells_of(
     found = document([Viewed(text, report)], options)
     holds(found)
     (plan,) = found["plans"]
-    findings = (*report.findings, *report.suppressed)
+    findings = worst_first(report)
     assert plan["plays_left_out"] == 0
     for finding, row in zip(findings, plan["findings"], strict=True):
         if row["play"] >= 0:
@@ -98,6 +101,41 @@ def _as_told(finding: Finding, plan: dict[str, Any], played: dict[str, Any]) -> 
     ]
     if not finding.rule.startswith("GP5"):  # there two are active at once, and then things go on
         assert places == sorted(places)
+    _marked_as_traced(finding, played, {path: nodes[paths[path]] for path, _ in _traced(scenario)})
+
+
+def _traced(scenario: Scenario) -> list[tuple[str, Event]]:
+    """The events of the evaluator's trace that its story speaks of.
+
+    Of a runner that ends, its start is not told.
+    """
+    ended = {step.element for step in scenario.trace if step.event is not Event.STARTED}
+    return [
+        (step.element, step.event)
+        for step in scenario.trace
+        if step.event is not Event.STARTED or step.element not in ended
+    ]
+
+
+def _marked_as_traced(finding: Finding, played: dict[str, Any], nodes: dict[str, int]) -> None:
+    """Each sentence is marked where the records have its events of the trace."""
+    scenario = finding.scenario
+    assert scenario is not None
+    happened = kinds(played)
+    ahead = iter(_traced(scenario))
+    spans = zip(scenario.sentences, played["story_from"], played["story_at"], strict=True)
+    for sentence, first, last in spans:
+        if sentence.statement is Statement.STEPS_LEFT_OUT:
+            return  # a row may be left out: how many events that are is not said
+        if sentence.statement.event is not None:
+            row = [next(ahead) for _ in range(len(sentence.actors) + sentence.count)]
+            assert {row[0][0], row[-1][0]} == {actor.element for actor in sentence.actors}
+            marks = [happened.index((event.value, nodes[path])) for path, event in row]
+            assert (first, last) == (min(marks), max(marks))
+        elif sentence.statement is Statement.CANNOT_SUCCEED:
+            assert happened[last][0] in ("JOINED", "FAILED", "SUCCEEDED")
+        elif not sentence.statement.at_once:
+            assert happened[last][0] in ("ENDED", "SILENCE")
 
 
 SPEECH_NEVER_FAILS = check_options(AnalysisOptions(assumptions=("never fails: SpeechRunner",)))
@@ -115,12 +153,46 @@ def test_the_records_of_a_failure_that_nothing_handles() -> None:
         *(("TRIGGERED", 2), ("STARTED", 2), ("FAILED", 2), ("JOINED", 3), ("ENDED", -1)),
     ]
     assert plan["plays"][second["play"]]["story_at"] == [2, 5, 7]
+    assert plan["plays"][second["play"]]["story_from"] == [2, 5, 7]
+
+
+def test_a_join_that_can_no_longer_succeed_is_marked_behind_the_failure() -> None:
+    plan = only(f"<Plan><Control type='parallel_all'>{say('a')}{go(1, 2)}</Control></Plan>")
+    played = plan["plays"][_finding(plan, "GP303")["play"]]
+    told = [kinds(played)[place] for place in played["story_at"]]
+    assert [kind for kind, _ in told] == ["FAILED", "JOINED", "ENDED"]
+    join = plan["automaton"]["nodes"][told[1][1]]
+    assert plan["elements"][join["element"]]["type"] == "parallel_all"
+
+
+def test_of_two_joins_that_fail_the_one_is_marked_that_the_sentence_names() -> None:
+    inner = f"<Control type='parallel_all'>{go(1, 2)}{go(3, 4)}</Control>"
+    rescue = f"<Control type='recovery'>{go(5, 6)}</Control>"
+    text = f"<Plan><Control type='parallel_any'>{inner}{go(7, 8)}</Control>{rescue}</Plan>"
+    plan = only(text)
+    joined = next(each for each in plan["findings"] if each["rule"] == "GP303")
+    played = plan["plays"][joined["play"]]
+    line = next(n for n, text in enumerate(played["story"]) if "can no longer" in text)
+    kind, node = kinds(played)[played["story_at"][line]]
+    assert kind == "JOINED"
+    assert plan["automaton"]["nodes"][node]["element"] == joined["element"]
+
+
+def test_what_two_hold_at_once_is_marked_when_the_second_starts() -> None:
+    text = (REPO / "corpus" / "rules" / "GP501" / "fail-two-voices.xml").read_text("utf-8")
+    plan = only(text)
+    played = plan["plays"][_finding(plan, "GP501")["play"]]
+    told = [kinds(played)[place] for place in played["story_at"]]
+    speakers = [("STARTED", 2), ("STARTED", 4)]
+    assert told[-3:] == [*speakers, speakers[-1]]
 
 
 def test_sentences_that_tell_of_many_stand_at_the_last_of_them() -> None:
     plan = only(f"<Plan>{say('a') * 6}{go(1, 2)}</Plan>", SPEECH_NEVER_FAILS)
     played = plan["plays"][_finding(plan, "GP302")["play"]]
     assert played["story"][0].count("and so do 4 more") == 1
+    begins = [kinds(played)[place] for place in played["story_from"]]
+    assert begins == [("SUCCEEDED", 1), ("FAILED", 7), ("ENDED", -1)]
     told = [kinds(played)[place] for place in played["story_at"]]
     assert told == [("SUCCEEDED", 6), ("FAILED", 7), ("ENDED", -1)]
 
@@ -192,7 +264,7 @@ def test_what_an_engine_does_otherwise_is_played_on_the_engine(whole: P, engine:
     found = document([Viewed(text, report)], options)
     holds(found)
     (plan,) = found["plans"]
-    findings = (*report.findings, *report.suppressed)
+    findings = worst_first(report)
     for finding, row in zip(findings, plan["findings"], strict=True):
         if finding.scenario is None or not finding.rule.startswith("GP7"):
             continue
@@ -205,6 +277,17 @@ def test_what_an_engine_does_otherwise_is_played_on_the_engine(whole: P, engine:
             _comes_too_late(reading.compiled, finding.scenario)
 
 
+def worst_first(report: PlanReport) -> list[Finding]:
+    """The findings as the page lists them: by severity, then as reported, suppressed ones last."""
+    ranked = [
+        each
+        for severity in ("error", "warning", "info")
+        for each in report.findings
+        if each.severity.value == severity
+    ]
+    return [*ranked, *report.suppressed]
+
+
 def test_a_failure_that_comes_after_completion_is_told_and_not_played() -> None:
     one = '<Runner interface="demo/Go" provider="demo/Go"/>'
     empty = '<Control type="sequential"/>'
@@ -215,7 +298,7 @@ def test_a_failure_that_comes_after_completion_is_told_and_not_played() -> None:
     found = document([Viewed(text, report)], options)
     late = [
         row
-        for finding, row in zip(report.findings, found["plans"][0]["findings"], strict=True)
+        for finding, row in zip(worst_first(report), found["plans"][0]["findings"], strict=True)
         if finding.scenario is not None and row["play"] < 0
     ]
     assert [row["rule"] for row in late] == ["GP303"]

@@ -18,6 +18,7 @@ from gpsfsm.model.automaton import Signal
 from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.watch.groot_tree import FAILURE, IDLE, RUNNING, SUCCESS, WAS, Statuses, text_of
+from tests.cases import many
 from tests.oracle.btcpp import Answer, engine, play
 from tests.oracle.random_trees import RandomTree
 from tests.oracle.ticks import random_tree
@@ -233,7 +234,7 @@ def test_statuses_of_long_loops_and_cancelled_runs() -> None:
     assert followed.shown == {1: 11, 2: 11, 3: 11, 4: 13, 5: 12}
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(many(30)))
 @pytest.mark.parametrize("draw", [lambda chance: RandomTree(chance).text, random_tree])
 def test_statuses_fit_what_acts(draw: Callable[[random.Random], str], seed: int) -> None:
     chance = random.Random(seed)  # noqa: S311

@@ -70,6 +70,6 @@ def test_steps_are_the_same_watched_and_stored(tmp_path: Path) -> None:
     assert failed.isprintable()
     assert watched.pose == stored.pose == (1.234567, -0.001)
     assert facts_of(Shared(), [StepTaker(kernel, words), stored]) == (
-        "- The robot was at x=1.23, y=0 when it was looked up last. Lengths are in metres.",
+        "- The robot was at x=1.23, y=0 when it was last looked up. Lengths are in metres.",
     )
     assert facts_of(Shared(), [StepTaker(kernel, words)]) == ()

@@ -40,7 +40,7 @@ NAMED = {"name": "a.xml", "sha256": "0"}
             QueueRow(QueueKind.BOND_LOST, message="the bond is lost"),
             "the bond is lost, nothing begins: the bond is lost",
         ),
-        (QueueRow(QueueKind.BOND_RENEWED), "the bond is there again"),
+        (QueueRow(QueueKind.BOND_RENEWED), "the bond is back"),
         (
             QueueRow(QueueKind.CANCEL, 1, message="\x1b[31m red"),
             r"it is to be cancelled: \x1b[31m red",

@@ -25,7 +25,7 @@ from gpsfsm.model.report import Report
 from gpsfsm.report import render
 from gpsfsm.tasks.load import load_task
 from gpsfsm.workers import Lost, map_items
-from gpsfsm.workers.known.ray import RayCluster
+from gpsfsm.workers.builtin.ray import RayCluster
 from tests.workers.works import Double
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def fuzzed(jobs: int | str) -> list[tuple[str, str, list[int]]]:
     assert campaign.runs == 200
     return [
         (found.broken.name, found.breach.message, list(found.run.scenario.faults))
-        for found in campaign.found
+        for found in campaign.failures
     ]
 
 

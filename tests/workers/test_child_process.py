@@ -309,3 +309,25 @@ def test_a_child_is_never_left_stopped_by_who_is_killed_while_killing_it(
         *((8, signal.SIGSTOP), (9, signal.SIGSTOP)),
         *((8, signal.SIGKILL), (9, signal.SIGKILL), (7, signal.SIGKILL)),
     ]
+
+
+def test_the_lines_of_standard_error_come_one_by_one() -> None:
+    program = (
+        "import sys; sys.stderr.buffer.write(b'one\\n' + b'x' * 20_000 + b'\\nlast'); "
+        "sys.stderr.flush(); sys.stdin.read()"
+    )
+    lines: list[bytes] = []
+
+    async def started_and_ended() -> None:
+        child = await AsyncChildProcess.start([sys.executable, "-c", program], line=lines.append)
+        async with asyncio.timeout(30):
+            while b"last" not in b"".join(lines[-1:]) and len(b"".join(lines)) < 20_003:
+                await asyncio.sleep(0.01)
+        await child.end()
+        await asyncio.sleep(0.1)
+
+    asyncio.run(started_and_ended())
+    assert lines[0] == b"one"
+    assert lines[-1] == b"last"
+    assert b"".join(lines[1:-1]) == b"x" * 20_000
+    assert max(map(len, lines)) < 20_000, "a line without an end takes no memory without an end"

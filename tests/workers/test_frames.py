@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpsfsm.workers import frames
+from tests.cases import many
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),
@@ -22,7 +23,7 @@ MESSAGES = st.lists(
 )
 
 
-@settings(max_examples=50)
+@settings(max_examples=many(50))
 @given(MESSAGES)
 def test_messages_arrive_as_they_were_sent(sent: list[tuple[dict[str, Any], bytes]]) -> None:
     whole = b"".join(frames.pack(head, body) for head, body in sent)

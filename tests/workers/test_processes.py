@@ -16,8 +16,8 @@ from gpsfsm.errors import UsageError
 from gpsfsm.gating import GateOptions, gate_process
 from gpsfsm.service import worker as service_worker
 from gpsfsm.workers import engine_of, map_items, pool_worker
+from gpsfsm.workers.builtin.processes import Processes
 from gpsfsm.workers.codec import encode
-from gpsfsm.workers.known.processes import Processes
 from gpsfsm.workers.parent_link import ParentLink
 from gpsfsm.workers.pool_worker import _misuse
 from tests.cli.support import environment
@@ -112,7 +112,7 @@ class Hostile:
 
 def test_nothing_but_results_comes_back() -> None:
     found = list(map_items(engine_of(2), Hostile(), range(8), lost=told))
-    nonsense = "the process was ended: it said something that is no result"
+    nonsense = "the process was ended: its answer was not a result"
     assert found == [0, *(f"{each}: {nonsense}" for each in range(1, 6)), 6, 7]
 
 

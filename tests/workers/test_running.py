@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from gpsfsm.errors import UsageError
 from gpsfsm.workers import LATER, Lost, Settled, engine_of, map_items
+from gpsfsm.workers.builtin.processes import Processes
+from gpsfsm.workers.builtin.serial import Serial
 from gpsfsm.workers.engines import MOST_NODES
-from gpsfsm.workers.known.processes import Processes
-from gpsfsm.workers.known.serial import Serial
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -142,7 +142,7 @@ def test_a_chunk_that_is_lost_with_every_machine_is_divided_in_the_end() -> None
 
 @pytest.mark.parametrize("jobs", ["", "2.5", "-1", "257", "ray:", "ray://", "ray://host", "dask"])
 def test_jobs_that_there_are_not(jobs: str) -> None:
-    with pytest.raises(UsageError, match=r"possible are: 1 for .*; ray, or ray://HOST:PORT"):
+    with pytest.raises(UsageError, match=r"write 1 for .*; ray, or ray://HOST:PORT"):
         engine_of(jobs)
 
 

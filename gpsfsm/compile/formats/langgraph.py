@@ -49,16 +49,16 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
         nodes = [str(each["id"]) for each in whole["nodes"]]
         rows = [(str(each["source"]), str(each["target"]), each) for each in whole["edges"]]
     except json.JSONDecodeError as error:
-        return fault(error.pos, f"the text is no JSON: {error.msg}", "correct it there")
+        return fault(error.pos, f"the text is not valid JSON: {error.msg}", "correct it there")
     except (KeyError, TypeError, ValueError, RecursionError):
-        return fault(0, "this is no graph of LangGraph", "write it with get_graph().to_json()")
+        return fault(0, "this is not a LangGraph graph", "write it with get_graph().to_json()")
     places: dict[Hashable, Place] = {name: _place(text, lines, name) for name in nodes}
     if len(nodes) > limits.max_elements:
         return fault(0, f"the graph has more than {limits.max_elements:,} nodes")
     for source, target, _ in rows:
         for name in (source, target):
             if name not in places:
-                return fault(0, f"an edge names {clip(name, 100)!r}, which is no node")
+                return fault(0, f"an edge names {clip(name, 100)!r}, which is not a node")
     if _START not in places or len(places) < len(nodes):
         return fault(0, f"every node has a name of its own, and one is {_START}")
     return machine_of(_graph(nodes, rows, places), file=file, places=places)

@@ -39,10 +39,10 @@ _NODES = {
     UnitKind.BRANCH: ("IfThenElse", ""),
 }
 _NOT_IN_PLANS = {
-    UnitKind.NOT: "no plan turns a success into a failure",
-    UnitKind.COUNT: "no plan waits for some of several",
-    UnitKind.BRANCH: "no plan does one of two by an outcome",
-    UnitKind.WAIT: "no plan waits for all, whatever they end by",
+    UnitKind.NOT: "a plan cannot turn a success into a failure",
+    UnitKind.COUNT: "a plan cannot wait for only some of several units",
+    UnitKind.BRANCH: "a plan cannot choose between two units by an outcome",
+    UnitKind.WAIT: "a plan cannot wait for all units regardless of their outcomes",
 }
 
 
@@ -100,7 +100,7 @@ def _as_plan(plan: Plan, units: Units, unit: int) -> _Lines:
     parent = units.parents[unit]
     guarded = parent >= 0 and units.kinds[parent] is UnitKind.GUARD and units.positions[unit] > 0
     if kind is UnitKind.EMPTY and parent >= 0 and units.kinds[parent] is not UnitKind.SEQUENCE:
-        raise CannotSayError(plan.path(element), "no plan has a step that always succeeds at once")
+        raise CannotSayError(plan.path(element), "a plan cannot have a step that succeeds at once")
     if not guarded:
         return before, after
     return ['<Control type="recovery">', *before], [*after, "</Control>"]
@@ -113,7 +113,7 @@ def _plan_lines(plan: Plan, units: Units, unit: int, element: Element) -> _Lines
     if kind is UnitKind.RUNNER:
         for name in element.parameters:
             if name.startswith("port."):
-                raise CannotSayError(plan.path(element), f"no plan has a parameter {name!r}")
+                raise CannotSayError(plan.path(element), f"a plan cannot have a parameter {name!r}")
         _refuse_references(plan, element)
         names = (("interface", element.interface), ("provider", element.provider))
         return [f"<Runner {_attributes(element, names)}/>"], []

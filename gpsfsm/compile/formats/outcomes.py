@@ -185,7 +185,7 @@ class _Writer:
 
     def _check_outcome(self, state: State, outcome: str, what: str) -> None:
         if outcome not in state.outcomes:
-            message = f"{what} {outcome!r}, which is no outcome of {state.name!r}"
+            message = f"{what} {outcome!r}, which is not an outcome of {state.name!r}"
             self._fault(state, message, "declare the outcome")
 
     def _check_transitions(self, scope: _Scope, state: State) -> None:
@@ -207,7 +207,7 @@ class _Writer:
                 )
                 self._fault(state, message, "correct the name, or add the state")
         if not state.transitions and not state.outcomes and not state.container:
-            message = f"nothing leads on from {state.name!r}"
+            message = f"nothing follows {state.name!r}"
             self._fault(state, message, "add its transitions")
 
     # -- nodes ------------------------------------------------------------------------------

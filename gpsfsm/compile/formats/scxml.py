@@ -113,7 +113,7 @@ class _Reader:
             elif tag not in (*_STATES, *_PASSED) and tag != "scxml":
                 parent = self.elements.nodes[node.parent]
                 if _tag(parent) in ("scxml", "state", "parallel"):
-                    message = f"<{clip(tag, _LONGEST)}> is no element of SCXML"
+                    message = f"<{clip(tag, _LONGEST)}> is not an SCXML element"
                     self.elements.fault(node, message, "remove it")
         for node in self.states:
             name = node.text("id")

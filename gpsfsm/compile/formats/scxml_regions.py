@@ -40,7 +40,7 @@ def runner_of(elements: Elements, node: TreeNode, name: str) -> dict[str, Any]:
         except (ValueError, RecursionError):
             parameters = None
     if not isinstance(parameters, dict):
-        elements.fault(node, "gpsfsm:parameters is no JSON object", "correct it")
+        elements.fault(node, "gpsfsm:parameters is not a JSON object", "correct it")
         parameters = {}
     interface = node.text("gpsfsm:interface") or name
     provider = node.text("gpsfsm:provider") or None
@@ -83,7 +83,7 @@ class _Reader:
             self._edge(_BEGIN, Event.SUCCEEDED, end)
 
     def _fault(self, node: TreeNode, message: str) -> None:
-        hint = "write the file anew, or leave out gpsfsm:form to have it read as any SCXML"
+        hint = "write the file again, or leave out gpsfsm:form to read it as ordinary SCXML"
         self.elements.fault(node, message, hint)
 
     def _node(self, name: str, node: TreeNode, **data: Any) -> None:

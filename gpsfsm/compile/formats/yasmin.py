@@ -59,7 +59,7 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
                 }
                 state.rules.append((child.text("outcome"), items))
             elif child.tag not in _SKIPPED:
-                message = f"<{child.tag}> is no element of YASMIN that gpsfsm knows"
+                message = f"<{child.tag}> is not a YASMIN element that gpsfsm knows"
                 elements.fault(child, message, "remove it, or report it")
     if elements.problems:
         return None, tuple(elements.problems)

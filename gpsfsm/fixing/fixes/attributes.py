@@ -71,7 +71,7 @@ def _respelt(node: Node, name: str, others: tuple[str, ...]) -> Fix | None:
     if attribute is None:
         return None
     edit = Edit(attribute.start, attribute.start + len(near), name)
-    return Fix("GP107", f"'{near[:40]}' written '{name}'", node.start, (edit,))
+    return Fix("GP107", f"'{near[:40]}' changed to '{name}'", node.start, (edit,))
 
 
 def _other(draft: Draft, name: str, twin: str) -> tuple[str, bool]:
@@ -116,13 +116,13 @@ def _edits(draft: Draft, node: Node) -> Iterator[tuple[str, Edit]]:
         elif raw.name.lower() == "id" and not named:
             named = True
             edit = Edit(raw.start, raw.start + len(raw.name), "name")
-            yield f"'{clip(raw.name, 60)}' written 'name'", edit
+            yield f"'{clip(raw.name, 60)}' changed to 'name'", edit
         elif raw.name not in allowed:
             yield _removed(draft, raw)
 
 
 def _removed(draft: Draft, raw: RawAttribute) -> tuple[str, Edit]:
-    return f"'{clip(raw.name, 60)}' without effect removed", without_attribute(draft, raw)
+    return f"ineffective '{clip(raw.name, 60)}' removed", without_attribute(draft, raw)
 
 
 _TYPES = tuple(kind.value for kind in ControlType)
@@ -148,7 +148,7 @@ def _control_types(draft: Draft) -> Iterator[Fix]:
         meant, safety = _meant(written)
         if meant:
             edit = Edit(raw.value_start, raw.value_end, meant)
-            yield Fix("GP106", f'type="{meant}" written', raw.start, (edit,), safety)
+            yield Fix("GP106", f'type changed to "{meant}"', raw.start, (edit,), safety)
 
 
 def _meant(written: str) -> tuple[str, Safety]:
@@ -178,7 +178,7 @@ def _parameter_names(draft: Draft) -> Iterator[Fix]:
         sure |= raw.name.lower() == meant.lower()
         safety = Safety.SAFE if sure else Safety.UNSAFE
         edit = Edit(raw.start, raw.start + len(raw.name), meant)
-        yield Fix("GP203", f"'{raw.name[:40]}' written '{meant}'", at, (edit,), safety)
+        yield Fix("GP203", f"'{raw.name[:40]}' changed to '{meant}'", at, (edit,), safety)
 
 
 def _open(binding: Binding) -> list[str]:
@@ -202,7 +202,7 @@ def _parameter_values(draft: Draft) -> Iterator[Fix]:
             continue
         wanted = _spelt(value, declared.type)
         if wanted and wanted != value:
-            title = f"{raw.name[:40]} written '{wanted}'"
+            title = f"{raw.name[:40]} changed to '{wanted}'"
             edit = attribute_edit(draft, raw, raw.name, wanted)
             yield Fix("GP205", title, at, (edit,))
 
@@ -278,7 +278,7 @@ def _engine_values(draft: Draft) -> Iterator[Fix]:
         declared = binding.provider.parameter(raw.name)
         new = respelled(value, declared.type) if declared and len(value) <= _LONGEST else None
         if new is not None:
-            title = f"{raw.name[:40]} written '{new.text}'"
+            title = f"{raw.name[:40]} changed to '{new.text}'"
             safety = Safety.SAFE if new.safe else Safety.UNSAFE
             yield Fix("GP708", title, at, (attribute_edit(draft, raw, raw.name, new.text),), safety)
 
@@ -347,7 +347,7 @@ def _interface(draft: Draft, names: Names, finding: Finding, runner: Element) ->
         if other.provider == written:
             provider = draft.library.providers_of(near[0])
             edits += _written(draft, other, "provider", provider[0].name if provider else near[0])
-    title = f"interface written {near[0]}"
+    title = f"interface changed to {near[0]}"
     yield Fix("GP201", title, draft.offset(finding), tuple(edits), safety)
 
 
@@ -363,7 +363,7 @@ def _provider(draft: Draft, names: Names, finding: Finding, runner: Element) -> 
         # The interface is the one that is spelt in another dialect.
         same = [each for each in _same(draft, "provider", written) if each.interface != here]
         edits = [e for each in same for e in _written(draft, each, "interface", here)]
-        yield Fix("GP202", f"interface written {here}", at, tuple(edits))
+        yield Fix("GP202", f"interface changed to {here}", at, tuple(edits))
         return
     alone = len(described) == 1
     other = names.implements(written)
@@ -371,7 +371,7 @@ def _provider(draft: Draft, names: Names, finding: Finding, runner: Element) -> 
     same = [e for e in _same(draft, "provider", written) if e.interface == runner.interface]
     edits = [e for each in same for e in _written(draft, each, "provider", wanted)]
     safety = Safety.SAFE if sure else Safety.UNSAFE
-    yield Fix("GP202", f"provider written {wanted}", at, tuple(edits), safety)
+    yield Fix("GP202", f"provider changed to {wanted}", at, tuple(edits), safety)
 
 
 def _foreign(draft: Draft, names: Names, finding: Finding, runner: Element) -> Iterator[Fix]:
@@ -383,7 +383,7 @@ def _foreign(draft: Draft, names: Names, finding: Finding, runner: Element) -> I
     safety = Safety.SAFE if _like(written, wanted) else Safety.UNSAFE
     same = [e for e in _same(draft, "interface", written) if e.provider == runner.provider]
     edits = [e for each in same for e in _written(draft, each, "interface", wanted)]
-    title = f"interface written {wanted}"
+    title = f"interface changed to {wanted}"
     yield Fix("GP212", title, draft.offset(finding), tuple(edits), safety)
 
 
@@ -443,18 +443,18 @@ FIXERS = (
         rules=("GP107",),
         propose=_attribute_names,
         safe=(
-            "writes `Interface` or `provder` as it is spelt, and adds the provider or "
-            "interface where the capability files know only one that fits"
+            "corrects `Interface` or `provder`, and adds the provider or interface if the "
+            "capability files have only one that fits"
         ),
-        unsafe="adds the default provider where several would fit: another one may be meant",
+        unsafe="adds the default provider if several fit: another one may be meant",
     ),
     Fixer(
         name="foreign-attributes",
         rules=("GP112",),
         propose=_foreign_attributes,
         safe=(
-            "removes attributes of `<Plan>` and `<Control>` that nothing reads, and writes "
-            "`ID` as `name`: neither has any effect"
+            "removes attributes of `<Plan>` and `<Control>` that nothing reads, and renames `ID` "
+            "to `name`: neither has any effect"
         ),
     ),
     Fixer(
@@ -462,12 +462,12 @@ FIXERS = (
         rules=("GP106", "GP107"),
         propose=_control_types,
         safe=(
-            "writes `Sequential`, `parallel-all` or `sequance` as it is spelt, and the name of "
-            "the attribute `type`: only one of the four types is like it"
+            "corrects `Sequential`, `parallel-all` or `sequance`, and a misspelt name of the "
+            "attribute `type`: only one of the four types resembles the word"
         ),
         unsafe=(
-            "takes the word of another language, such as `fallback`, for the type that is "
-            "nearest: what stands inside may be arranged for that other language"
+            "replaces a word from another language, such as `fallback`, by the nearest type: the "
+            "contents may be arranged for that language"
         ),
     ),
     Fixer(
@@ -475,18 +475,18 @@ FIXERS = (
         rules=("GP203",),
         propose=_parameter_names,
         safe=(
-            "writes `Text` or `promt` as the capability file spells it, where the runner has "
-            "no such parameter yet: otherwise the value is ignored"
+            "corrects `Text` or `promt` to the spelling in the capability file if the runner does "
+            "not have that parameter yet: a misspelt parameter is ignored"
         ),
-        unsafe="takes `speech_text` for `text`, of which only a part is alike",
+        unsafe="renames `speech_text` to `text`, which is only a part of it",
     ),
     Fixer(
         name="parameter-values",
         rules=("GP205",),
         propose=_parameter_values,
         safe=(
-            "writes `True` as `true`, and a number with blanks around it or a typographic "
-            "minus as a number: the value is the same"
+            "writes `True` as `true`, and a number with spaces around it or a typographic minus as "
+            "a plain number: the value is the same"
         ),
     ),
     Fixer(
@@ -494,38 +494,41 @@ FIXERS = (
         rules=("GP708",),
         propose=_engine_values,
         safe=(
-            "writes `1` as `1.0` where the engine of `--engine` would read an integer and the "
-            "runner takes a double only, and likewise: the value is the same"
+            "writes `1` as `1.0` if the engine of `--engine` would read an integer and the runner "
+            "accepts only a double, and the like: the value is the same"
         ),
-        unsafe="puts a blank behind digits that shall be a text: the text is another one then",
+        unsafe="adds a space to digits that must be a string: the string changes",
     ),
     Fixer(
         name="packed-coordinates",
         rules=("GP111",),
         propose=_packed_coordinates,
         safe=(
-            'writes `position="1, 3"` as `x="1" y="3"` where the provider needs exactly two '
-            "numbers and the plan gives neither"
+            'splits `position="1, 3"` into `x="1" y="3"` if the provider needs exactly two numbers '
+            "and the plan gives neither"
         ),
-        unsafe="does so with three numbers, of which the third may be a height or an angle",
+        unsafe="does the same with three numbers, the third of which may be a height or an angle",
     ),
     Fixer(
         name="capability-names",
         rules=("GP201", "GP202", "GP212"),
         propose=_capability_names,
         safe=(
-            "writes the name of the only interface or provider that is like the one written: "
-            "the package, case or a few letters differ"
+            "corrects a name that resembles only one interface or provider: the package, the case "
+            "or a few letters differ"
         ),
-        unsafe="takes the only candidate where it is not that like: something else may be meant",
+        unsafe=(
+            "takes the only candidate although it resembles the name less: something else may be "
+            "meant"
+        ),
     ),
     Fixer(
         name="old-names",
         rules=("GP208",),
         propose=_old_names,
         unsafe=(
-            "writes the names of the capability files: the plan means the same, but an "
-            "executor of the older dialect does not know them"
+            "writes the names from the capability files: the plan means the same, but an executor "
+            "of the older dialect does not know them"
         ),
     ),
 )

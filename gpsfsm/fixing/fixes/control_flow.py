@@ -37,7 +37,7 @@ def _early_recovery(draft: Draft) -> Iterator[Fix]:
         unit = nodes_of(draft, following[:1])
         if unit is not None:
             edits = moved_before(draft, unit, target)
-            title = "recovery put behind the step that follows it"
+            title = "recovery moved behind the step that follows it"
             yield Fix("GP307", title, draft.offset(finding), edits, Safety.UNSAFE)
 
 
@@ -56,13 +56,13 @@ def _moved(draft: Draft, recovery: Element, rule: str, at: int) -> Iterator[Fix]
         return
     if len(units) == 1:
         if rule == "GP307" and _alone(draft, recovery):
-            title = "goal taken out of a recovery that guards nothing"
+            title = "goal moved out of a recovery that guards nothing"
             yield Fix(rule, title, at, unwrapped(draft, target), Safety.UNSAFE)
         return
     unit = nodes_of(draft, units[0])
     if unit is None:
         return
-    title = "goal taken out of its recovery"
+    title = "goal moved out of its recovery"
     yield Fix(rule, title, at, moved_before(draft, unit, target), Safety.UNSAFE)
 
 
@@ -91,14 +91,14 @@ def _needless_recovery(draft: Draft) -> Iterator[Fix]:
         if finding.rule == "GP308":
             if not is_recovery(element) or not _never_runs(draft, element, finding):
                 continue
-            title = "recovery removed that never runs"
+            title = "recovery that never runs removed"
         else:
             if finding.severity.rank == 0:  # a second try can be right: worlds change
                 continue
             recovery = _parent(draft, element)
             if not is_recovery(recovery):
                 continue
-            title = "second try removed that fails like the first"
+            title = "second try that fails like the first removed"
             if len(list(units_of(draft, recovery))) == 1:
                 useless = recovery
         node = draft.node(useless)
@@ -140,12 +140,12 @@ def _one_by_one(draft: Draft, control: Element, at: int) -> Iterator[Fix]:
         return
     edit = attribute_edit(draft, raw, "type", ControlType.SEQUENTIAL)
     if control.control_type is ControlType.PARALLEL_ALL:
-        title = "parallel_all made sequential"
+        title = "parallel_all changed to sequential"
         yield Fix("GP501", title, at, (edit,), Safety.UNSAFE)
     elif control.control_type is ControlType.PARALLEL_ANY:
         others = nodes_of(draft, [element for unit in units[1:] for element in unit])
         if others is not None:
-            title = "parallel_any made a step with a recovery"
+            title = "parallel_any changed to a step with a recovery"
             edits = (edit, *wrapped(draft, others, '<Control type="recovery">'))
             yield Fix("GP501", title, at, edits, Safety.UNSAFE)
 
@@ -165,8 +165,8 @@ FIXERS = (
         rules=("GP307",),
         propose=_early_recovery,
         unsafe=(
-            "puts a recovery of one step behind the step that follows it: it may be meant for "
-            "something that the plan has left out"
+            "moves a recovery of one step behind the step that follows it: it may be meant for a "
+            "step that the plan has left out"
         ),
         reveals=frozenset({"GP302"}),  # its steps run now, and the last of them can fail
     ),
@@ -175,8 +175,8 @@ FIXERS = (
         rules=("GP307", "GP310"),
         propose=_recovery_goal,
         unsafe=(
-            "puts the first step of a recovery before it, so that it is tried in any case: "
-            "from its shape alone nobody can tell a goal from an alternative"
+            "moves the first step of a recovery in front of it, so that it is always tried: the "
+            "shape alone does not tell a goal from an alternative"
         ),
         # The recovery now guards its own goal and not the step before it, and more steps run: what
         # they lack was hidden as long as they did not.
@@ -187,7 +187,7 @@ FIXERS = (
         rules=("GP308", "GP309"),
         propose=_needless_recovery,
         unsafe=(
-            "removes a recovery that never runs, and under `--consistent` a try that fails "
+            "removes a recovery that never runs and, with `--consistent`, a second try that fails "
             "like the first: it may have been meant for another step"
         ),
         reveals=frozenset({"GP302"}),  # the failure of the only try is the last one now
@@ -197,9 +197,8 @@ FIXERS = (
         rules=("GP501",),
         propose=_parallel_goals,
         unsafe=(
-            "has the units of a parallel control one after the other: all of a parallel_all, "
-            "and of a parallel_any the next one only if those before it have failed, so that "
-            "one success still suffices"
+            "runs the units of a parallel control one after the other; those of a parallel_any "
+            "only until one succeeds: the plan may need them at the same time"
         ),
         # What was told of the parallel control as a whole is told of its last unit.
         reveals=frozenset({"GP302"}),

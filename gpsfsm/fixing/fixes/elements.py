@@ -47,7 +47,7 @@ def _element_names(draft: Draft) -> Iterator[Fix]:
             rule = "GP104"
         elif ":" in node.name or not draft.wants("GP105"):
             rule = "GP101"
-        title = f"<{node.name[:40]}> written <{meant}>" if meant else "namespace removed"
+        title = f"<{node.name[:40]}> changed to <{meant}>" if meant else "namespace removed"
         yield Fix(rule, title, node.start, tuple(edits))
 
 
@@ -77,12 +77,12 @@ def _old_elements(draft: Draft) -> Iterator[Fix]:
         end = label.start + len(label.name)
         if node.name == "Event" and node.attribute("interface") is None:
             edits = (*rename(node, "Runner"), Edit(label.start, end, "interface"))
-            yield Fix("GP105", "<Event name=…> written <Runner interface=…>", node.start, edits)
+            yield Fix("GP105", "<Event name=…> changed to <Runner interface=…>", node.start, edits)
         elif node.name == "Control" and node.attribute("type") is None:
             value = strip(draft.text[label.value_start : label.value_end])
             if value in tuple(ControlType):
                 edit = Edit(label.start, end, "type")
-                yield Fix("GP107", f'name="{value}" written type="{value}"', node.start, (edit,))
+                yield Fix("GP107", f'name="{value}" changed to type="{value}"', node.start, (edit,))
 
 
 _SEQUENCES = frozenset({"sequence", "sequencestar", "reactivesequence"})
@@ -114,7 +114,7 @@ def _tree_words(draft: Draft) -> Iterator[Fix]:
     if edits:
         rule = "GP118" if any(draft.findings("GP118")) else "GP105"
         edits += _identity(draft) if rule == "GP118" else ()
-        yield Fix(rule, "words of behaviour trees translated", at, tuple(edits), Safety.UNSAFE)
+        yield Fix(rule, "behaviour tree elements translated", at, tuple(edits), Safety.UNSAFE)
 
 
 def _identity(draft: Draft) -> Iterator[Edit]:
@@ -183,7 +183,7 @@ def _missing_root(draft: Draft) -> Iterator[Fix]:
         Edit(start, start, f"<Plan>{end}{before or ''}"),
         Edit(stop, stop, f"{end}{before or ''}</Plan>"),
     )
-    yield Fix("GP104", "<Plan> put around the plan", start, edits)
+    yield Fix("GP104", "plan wrapped in <Plan>", start, edits)
 
 
 def _empty_controls(draft: Draft) -> Iterator[Fix]:
@@ -253,7 +253,7 @@ def _closed(draft: Draft, node: Node, at: int) -> Fix:
         before = indentation(text, child.start)
         if outer is not None and before is not None and len(before) > len(outer):
             edits.append(Edit(child.start - len(before), child.start, outer))
-    title = "runner closed, so that what was inside stands behind it"
+    title = "runner closed, its content moved behind it"
     return Fix("GP114", title, at, tuple(edits), Safety.UNSAFE)
 
 
@@ -263,8 +263,8 @@ FIXERS = (
         rules=("GP101", "GP104", "GP105"),
         propose=_element_names,
         safe=(
-            "writes `<plan>`, `<Contrl>` or `<x:Runner>` as they are spelt, and removes XML "
-            "namespaces: there are three elements, and no other is like these"
+            "corrects `<plan>`, `<Contrl>` or `<x:Runner>`, and removes XML namespaces: there are "
+            "only three elements, and each of these names resembles just one of them"
         ),
     ),
     Fixer(
@@ -272,8 +272,8 @@ FIXERS = (
         rules=("GP105", "GP107"),
         propose=_old_elements,
         safe=(
-            "writes the elements of 2024 in today's form: no executor of today reads the old "
-            "one, and it has one meaning only"
+            "rewrites the elements of 2024 in today's form: current executors do not read the old "
+            "form, and it has only one meaning"
         ),
     ),
     Fixer(
@@ -281,9 +281,8 @@ FIXERS = (
         rules=("GP105", "GP118"),
         propose=_tree_words,
         unsafe=(
-            "writes a behaviour tree's `Sequence` as a sequential control, `Fallback` as a "
-            "step with a recovery, and `MoveBase` as a waypoint: the words mean almost the "
-            "same there"
+            "rewrites a behaviour tree's `Sequence` as a sequential control, `Fallback` as a step "
+            "with a recovery, and `MoveBase` as a waypoint: these mean almost the same"
         ),
     ),
     Fixer(
@@ -291,8 +290,8 @@ FIXERS = (
         rules=("GP104",),
         propose=_missing_root,
         safe=(
-            "puts `<Plan>` around controls and runners that stand alone: nothing else can be "
-            "around them, and it has them one after the other"
+            "puts `<Plan>` around controls and runners that have none: nothing else can enclose "
+            "them, and a plan runs them one after the other"
         ),
     ),
     Fixer(
@@ -300,8 +299,8 @@ FIXERS = (
         rules=("GP109",),
         propose=_empty_controls,
         unsafe=(
-            "removes a control that holds nothing: steps may have been forgotten, and in a "
-            "parallel_any an empty unit succeeds at once"
+            "removes an empty control: steps may have been forgotten, and in a parallel_any an "
+            "empty unit succeeds at once"
         ),
     ),
     Fixer(
@@ -309,8 +308,8 @@ FIXERS = (
         rules=("GP114",),
         propose=_runner_content,
         unsafe=(
-            "closes the runner, so that the elements inside stand behind it, and removes text "
-            "inside: what never ran before runs then"
+            "closes the runner, so that the elements inside it follow it, and removes text inside "
+            "it: elements that never ran will run"
         ),
     ),
 )

@@ -47,7 +47,7 @@ def _missing_flush(draft: Draft) -> Iterator[Fix]:
             needless = _own_buffer(draft, runners)
             if needless is not None:
                 edits = (needless, *edits)
-                title += ", and the uuid left out, which no other prompt has"
+                title += "; uuid, which no other prompt has, removed"
             yield Fix(finding.rule, title, draft.offset(finding), edits, Safety.UNSAFE)
 
 
@@ -83,7 +83,7 @@ def _joined(draft: Draft) -> Iterator[Fix]:
         if name and sender is not None:
             nameless.remove(sender)
             edits = tuple(_written(draft, sender, "true", name))
-            title = f'flush="true" uuid="{name}" written at line {sender.line}'
+            title = f'flush="true" uuid="{name}" set at line {sender.line}'
             yield Fix("GP411", title, draft.offset(finding), edits, Safety.UNSAFE)
 
 
@@ -104,7 +104,7 @@ def _together(draft: Draft) -> Iterator[Fix]:
     edits = [edit for other in others for edit in _written(draft, other, "", name)]
     edits += _written(draft, last, "true", name)
     finding = nameless[0][0]
-    title = f'uuid="{name}" written at {len(runners)} prompts, and flush="true" at line {last.line}'
+    title = f'uuid="{name}" set on {len(runners)} prompts, and flush="true" at line {last.line}'
     yield Fix(finding.rule, title, draft.offset(finding), tuple(edits), Safety.UNSAFE)
 
 
@@ -158,7 +158,7 @@ def _checked_question(draft: Draft) -> Iterator[Fix]:
         edits = _replaced(draft, runner, binding.provider.effects.question, checks[0])
         if edits:
             name = checks[0].implements.rpartition("/")[2]
-            title = f"question at line {runner.line} asked by a {name}, which fails on no"
+            title = f"question at line {runner.line} asked by a {name}, which fails on a 'no'"
             yield Fix(finding.rule, title, draft.offset(finding), edits, Safety.UNSAFE)
 
 
@@ -252,8 +252,8 @@ FIXERS = (
         rules=("GP312",),
         propose=_checked_question,
         unsafe=(
-            "asks a yes-or-no question in front of a recovery with a runner that fails if the "
-            "answer is no: the recovery may have been meant for yes, or for a broken camera"
+            "asks a yes-or-no question before a recovery with a runner that fails if the answer is "
+            "no: the recovery may have been meant for yes, or for a broken camera"
         ),
         # The check hands nothing on.
         reveals=frozenset({"GP404"}),
@@ -263,9 +263,10 @@ FIXERS = (
         rules=("GP411", "GP414"),
         propose=_missing_flush,
         unsafe=(
-            'writes flush="true" at the last prompt of a buffer, or with its uuid at the next '
-            "prompt that has none, and one uuid at prompts without any: the model is asked then, "
-            "which takes time and money, and they may not belong together"
+            'adds `flush="true"` to the last prompt of a buffer or, with the uuid of the buffer, '
+            "to the next prompt that has none, and gives prompts without a uuid a common one: the "
+            "model is then asked, which costs time and money, and the prompts may not belong "
+            "together"
         ),
         # A prompt that is sent can fail, hands its answer on, and sends all that waits with it.
         reveals=frozenset({"GP302", "GP403", "GP404", "GP411", "GP412", "GP413"}),

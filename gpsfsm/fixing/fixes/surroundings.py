@@ -47,7 +47,7 @@ def _extracted_plan(draft: Draft) -> Iterator[Fix]:
             edits.append(Edit(token.start - len(before), token.start - len(before) + len(base)))
     at = next((draft.offset(finding) for finding in draft.findings(rule)), extract.start)
     safety = Safety.SAFE if sure else Safety.UNSAFE
-    yield Fix(rule, "plan taken out of the text around it", at, tuple(edits), safety)
+    yield Fix(rule, "plan extracted from the text around it", at, tuple(edits), safety)
 
 
 def _left_out(draft: Draft, start: int, end: int) -> Iterator[Edit]:
@@ -137,7 +137,7 @@ def _markup(draft: Draft) -> Iterator[Fix]:
             words += " " if words.endswith("-") else ""
             words = " " + words if words.startswith("-") or words.startswith(">") else words
             edit = Edit(token.start + 4, token.body_end, words)
-            yield Fix("GP101", "dashes in a comment parted", token.faults[0].start, (edit,))
+            yield Fix("GP101", "dashes in a comment separated", token.faults[0].start, (edit,))
 
 
 def _mended_markup(draft: Draft, token: Markup) -> Iterator[Fix]:
@@ -148,12 +148,12 @@ def _mended_markup(draft: Draft, token: Markup) -> Iterator[Fix]:
     elif _DECLARATION.match(text, token.start):
         blank_before = token.start > 0 and not text[: token.start].strip(WHITE)
         if blank_before and _GOOD.fullmatch(text, token.start, token.end):
-            edit, title = Edit(0, token.start), "blanks before the XML declaration removed"
+            edit, title = Edit(0, token.start), "white space before the XML declaration removed"
         else:
             edit, title = removed, "XML declaration removed"
         yield Fix("GP101", title, fault.start, (edit,))
     elif text.startswith(">", token.end - 1):
-        yield Fix("GP101", "what is not XML removed", fault.start, (removed,))
+        yield Fix("GP101", "markup that is not XML removed", fault.start, (removed,))
 
 
 _RUN = re.compile(f"(?:{ILLEGAL.pattern})++")
@@ -176,7 +176,7 @@ def _illegal_characters(draft: Draft) -> Iterator[Fix]:
     declared = _UTF16.match(draft.text)
     if declared:
         edit = Edit(declared.start(1), declared.end(1), "UTF-8")
-        yield Fix("GP116", "declared encoding written UTF-8", declared.start(1), (edit,))
+        yield Fix("GP116", "declared encoding changed to UTF-8", declared.start(1), (edit,))
 
 
 def _stray_text(draft: Draft) -> Iterator[Fix]:
@@ -192,7 +192,7 @@ def _stray_text(draft: Draft) -> Iterator[Fix]:
             edit, title = Edit(run.start, end), "text removed"
         else:
             # A comment that looks like an instruction to gpsfsm would become one.
-            edit, title = Edit(run.start, end, f"<!-- text: {words} -->"), "text made a comment"
+            edit, title = Edit(run.start, end, f"<!-- text: {words} -->"), "text commented out"
         yield Fix("GP108", title, run.start, (edit,))
 
 
@@ -203,13 +203,12 @@ FIXERS = (
         propose=_extracted_plan,
         first=True,
         safe=(
-            "leaves out prose, Markdown fences and foreign elements around the one plan of the "
-            "text: they say nothing to an executor; comments stay, but for those of other plans"
+            "removes prose, Markdown fences and foreign elements around the only plan in the text: "
+            "they mean nothing to an executor; comments stay, except those in other plans"
         ),
         unsafe=(
-            "takes the last of several plans (safe with `--from-response`, which asks for "
-            "that), or one that is cut off or that has runners beside it: something else may "
-            "be meant"
+            "takes the last of several plans (safe with `--from-response`, which asks for it), or "
+            "a plan that is cut off or has runners next to it: something else may be meant"
         ),
     ),
     Fixer(
@@ -218,8 +217,8 @@ FIXERS = (
         rules=("GP101", "GP102"),
         propose=_markup,
         safe=(
-            "removes a DOCTYPE, and an XML declaration that is malformed or not at the start, "
-            "and parts double dashes in comments: none of these says anything about the plan"
+            "removes a DOCTYPE, removes an XML declaration that is malformed or not at the start, "
+            "and separates double dashes in comments: none of these says anything about the plan"
         ),
     ),
     Fixer(
@@ -228,8 +227,8 @@ FIXERS = (
         rules=("GP116",),
         propose=_illegal_characters,
         safe=(
-            "removes control characters, and declares UTF-8 where a text declares UTF-16 and "
-            "is not written in it: no plan needs either"
+            "removes control characters, and declares UTF-8 if a text declares UTF-16 but is not "
+            "encoded in it: no plan needs either"
         ),
     ),
     Fixer(
@@ -237,6 +236,6 @@ FIXERS = (
         trees=True,
         rules=("GP108",),
         propose=_stray_text,
-        safe="makes a comment of text between elements: nothing reads either of them",
+        safe="turns text between elements into a comment: nothing reads either of them",
     ),
 )

@@ -95,13 +95,13 @@ def _title(draft: Draft, tag: StartTag, rule: str) -> str:
     if rule == "GP110":
         return "repeated attribute removed"
     if tag.faults:
-        return f"{shown} spelt right"
+        return f"syntax of {shown} corrected"
     values = [draft.text[raw.value_start : raw.value_end] for raw in tag.attributes]
     lone = all(
         escaped_raw(value, '"') == _LONE_AND.sub("&amp;", value).replace('"', "&quot;")
         for value in values
     )
-    return f"'&' written '&amp;' in {shown}" if lone else f"references mended in {shown}"
+    return f"'&' changed to '&amp;' in {shown}" if lone else f"references fixed in {shown}"
 
 
 def _duplicates(draft: Draft, tag: StartTag) -> list[RawAttribute] | None:
@@ -170,7 +170,9 @@ def _tags(draft: Draft) -> Iterator[Fix]:
             yield from _never_closed(draft, node)
         elif node.closing is not None and node.closing.name not in ("", node.name):
             edit = Edit(node.closing.start, node.closing.end, f"</{node.name}>")
-            yield Fix("GP101", f"end tag written </{node.name[:40]}>", node.closing.start, (edit,))
+            yield Fix(
+                "GP101", f"end tag changed to </{node.name[:40]}>", node.closing.start, (edit,)
+            )
     for tag, top in draft.outline.superfluous:
         beside = top.children[-1] if top and top.children else None
         own = beside is not None and beside.name == tag.name
@@ -187,7 +189,7 @@ def _spaced(draft: Draft) -> Iterator[Fix]:
         for match in _SPACED.finditer(draft.text, run.start, run.end):
             edit = Edit(match.start(), match.start(2), "<" + match[1])
             rule = "GP101" if draft.wants("GP101") else "GP104"
-            yield Fix(rule, f"blanks removed after '<' of {match[2]}", match.start(), (edit,))
+            yield Fix(rule, f"white space removed after '<' of {match[2]}", match.start(), (edit,))
 
 
 def _end_tags(draft: Draft) -> Iterator[Fix]:
@@ -207,7 +209,7 @@ def _end_tags(draft: Draft) -> Iterator[Fix]:
         if not draft.text.startswith(">", tag.end - 1):
             end = tag.start + 2 + len(body.rstrip(WHITE))
         edit = Edit(tag.start, end, f"</{node.name}>")
-        yield Fix("GP101", f"end tag written </{node.name[:40]}>", tag.start, (edit,))
+        yield Fix("GP101", f"end tag changed to </{node.name[:40]}>", tag.start, (edit,))
 
 
 def _unclosed_tag(draft: Draft, node: Node) -> Iterator[Fix]:
@@ -281,7 +283,7 @@ def _truncated_plan(draft: Draft) -> Iterator[Fix]:
             f"</{node.name}>" if before is None else f"{line_end(text)}{before}</{node.name}>"
         )
     edit = Edit(end, len(text) if cut else end, written + (line_end(text) if cut else ""))
-    title = "closed what was left open" + (" and left out a tag that is cut off" if cut else "")
+    title = "open elements closed" + (", truncated tag removed" if cut else "")
     yield Fix("GP101", title, end, (edit,), Safety.UNSAFE)
 
 
@@ -292,13 +294,13 @@ FIXERS = (
         rules=("GP101", "GP110"),
         propose=_start_tags,
         safe=(
-            "puts quotes, `=`, blanks and references right where only one reading is left, and "
+            "corrects quotes, `=`, spaces and references where only one reading is possible, and "
             "drops an attribute that is repeated with the same value"
         ),
         unsafe=(
-            "closes a value of several words where the next attribute begins, and keeps the "
-            "first of two attributes of one name that differ: where the value ends, or which "
-            "counts, is a guess"
+            "closes a value of several words where the next attribute begins, and keeps the first "
+            "of two attributes with the same name but different values: where the value ends, or "
+            "which value counts, is a guess"
         ),
     ),
     Fixer(
@@ -307,13 +309,12 @@ FIXERS = (
         rules=("GP101", "GP104"),
         propose=_tags,
         safe=(
-            "removes blanks after `<`, ends a tag that lacks its `>`, closes a runner that was "
-            "left open, writes a misspelt end tag right: no other reading makes a plan of the "
-            "text"
+            "removes spaces after `<`, ends a tag that lacks its `>`, closes a runner that was "
+            "left open, and corrects a misspelt end tag: no other reading makes the text a plan"
         ),
         unsafe=(
-            "adds the end tag of a control where the indentation ends, and removes an end tag "
-            "that closes nothing: what belongs into a control is a guess then"
+            "adds the end tag of a control where the indentation ends, and removes an end tag that "
+            "closes nothing: which elements belong in the control is a guess"
         ),
     ),
     Fixer(
@@ -322,8 +323,8 @@ FIXERS = (
         rules=("GP101",),
         propose=_truncated_plan,
         unsafe=(
-            "closes the open elements of a text that ends too early and leaves out a tag that "
-            "is cut off: what the rest would have said is lost"
+            "closes the open elements of a text that ends too early, and removes a tag that is cut "
+            "off: the missing rest is lost"
         ),
     ),
 )

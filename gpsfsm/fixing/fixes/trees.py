@@ -2,7 +2,7 @@
 
 BehaviorTree.CPP refuses most of what is fixed here when it loads a file, so the tree meant nothing
 before. What it loads and ignores, such as a misspelt ``_skipIf``, does something else once it is
-spelt right: these fixes are unsafe.
+spelt correctly: these fixes are unsafe.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def _misspelt(written: str, meant: str) -> bool:
 
 
 def _shown(before: str, after: str) -> str:
-    return f"'{clip(before, _LIMIT)}' written '{clip(after, _LIMIT)}'"
+    return f"'{clip(before, _LIMIT)}' changed to '{clip(after, _LIMIT)}'"
 
 
 # ---- Names ---------------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def _ports(draft: Draft) -> Iterator[Fix]:
         name = file.identity(node)
         if raw.name == "ID":  # the tag is the ID
             if file.text(raw) == name:
-                title = "ID removed, which the tag says"
+                title = "ID that repeats the tag removed"
                 yield Fix(rule, title, at, (without_attribute(draft, raw),))
             continue
         allowed: Collection[str] = file.models[name][1] if name in file.models else ()
@@ -218,7 +218,7 @@ def _subtree_names(draft: Draft) -> Iterator[Fix]:
             opening, *closing = rename(node, "SubTree")
             written = f'SubTree ID="{escaped(node.name)}"'
             edits = (Edit(opening.start, opening.end, written), *closing)
-            yield Fix(rule, f"<{clip(node.name, _LIMIT)}> written as a SubTree", at, edits)
+            yield Fix(rule, f"<{clip(node.name, _LIMIT)}> changed to a SubTree", at, edits)
 
 
 def _model_elements(draft: Draft) -> Iterator[Fix]:
@@ -243,7 +243,7 @@ def _numbers(draft: Draft) -> Iterator[Fix]:
     for rule, at, _, raw in file.places("GP811"):
         meant = whole_number(file.text(raw)) if raw is not None else ""
         if raw is not None and meant and meant != file.text(raw):
-            yield Fix(rule, f"number written {meant}", at, (file.written(raw, meant),))
+            yield Fix(rule, f"number changed to {meant}", at, (file.written(raw, meant),))
 
 
 def _keys(draft: Draft) -> Iterator[Fix]:
@@ -264,7 +264,7 @@ def _keys(draft: Draft) -> Iterator[Fix]:
 def _braced(file: _File, rule: str, at: int, raw: RawAttribute) -> Fix:
     name = file.text(raw).strip()
     edit = file.written(raw, f"{{{name}}}")
-    return Fix(rule, f"'{clip(name, _LIMIT)}' put into braces", at, (edit,), Safety.UNSAFE)
+    return Fix(rule, f"'{clip(name, _LIMIT)}' enclosed in braces", at, (edit,), Safety.UNSAFE)
 
 
 def _written_key(file: _File, at: int, raw: RawAttribute, name: str) -> Iterator[Fix]:
@@ -321,7 +321,7 @@ def _tree_format(draft: Draft) -> Iterator[Fix]:
             match = _FORMAT.fullmatch(file.text(raw))
             if match is not None:
                 edit = file.written(raw, match[1])
-                yield Fix(rule, f'BTCPP_format="{match[1]}" written', at, (edit,))
+                yield Fix(rule, f'BTCPP_format changed to "{match[1]}"', at, (edit,))
         elif len(file.signs) < 2:
             version = next(iter(file.signs), 4)
             edit = _added(draft, node, f'BTCPP_format="{version}"')
@@ -352,7 +352,7 @@ def _tree_root(draft: Draft) -> Iterator[Fix]:
             begin = roots[0].start
             opened = f"{_ROOT.format(next(iter(file.signs), 4))}{end}"
             edits = (Edit(begin, begin, opened), Edit(stop, stop, f"{end}</root>"))
-            yield Fix(rule, "<root> put around the trees", place, edits)
+            yield Fix(rule, "trees wrapped in <root>", place, edits)
             return
 
 
@@ -366,7 +366,7 @@ def _several_children(draft: Draft) -> Iterator[Fix]:
         one = one or node.name in ("BehaviorTree", "Decorator")
         if len(node.children) > 1 and (one or file.models.get(name, ("",))[0] == "Decorator"):
             edits = wrapped(draft, node.children, "<Sequence>", "</Sequence>")
-            yield Fix(rule, "children put into a Sequence", at, edits, Safety.UNSAFE)
+            yield Fix(rule, "children wrapped in a Sequence", at, edits, Safety.UNSAFE)
 
 
 def _taken_out(draft: Draft) -> Iterator[Fix]:
@@ -378,7 +378,9 @@ def _taken_out(draft: Draft) -> Iterator[Fix]:
         text = draft.text
         end = line_end(text) if root.stop < len(text) else ""
         edits = (Edit(0, root.start), Edit(root.stop, len(text), end))
-        yield Fix("GP115", "trees taken out of the text around them", draft.offset(finding), edits)
+        yield Fix(
+            "GP115", "trees extracted from the text around them", draft.offset(finding), edits
+        )
 
 
 _SHOWN = frozenset({"GP302", "GP304", "GP305", "GP314", "GP816", "GP820"})
@@ -397,8 +399,9 @@ FIXERS = (
             "file has them: the engine refuses the other name"
         ),
         unsafe=(
-            "takes the only node that is spelt alike, and `Fallback` for `FallbackStar`, which "
-            "forgets where it was: another node may be meant, or one that the program has"
+            "takes the only node with a similar name, and `Fallback` for `FallbackStar`, although "
+            "a Fallback forgets where it was: another node may be meant, or one that the program "
+            "registers"
         ),
     ),
     _fixer(
@@ -407,13 +410,13 @@ FIXERS = (
         propose=_ports,
         reveals=_SHOWN,
         safe=(
-            "writes ports of built-in nodes in their letters, `success_threshold` as "
-            "`success_count` in version 4, `skipIf` as `_skipIf`, and removes an ID that its tag "
-            "repeats: the engine refuses the other names"
+            "corrects the case of the ports of built-in nodes, writes `success_threshold` as "
+            "`success_count` in version 4 and `skipIf` as `_skipIf`, and removes an ID that "
+            "repeats the tag: the engine refuses the other names"
         ),
         unsafe=(
-            "takes the only port that is spelt alike, or that the TreeNodesModel has: another one "
-            "may be meant, or the model is old"
+            "takes the only port with a similar name, also from the TreeNodesModel: another one "
+            "may be meant, or the model may be outdated"
         ),
     ),
     _fixer(
@@ -423,7 +426,7 @@ FIXERS = (
         reveals=_SHOWN | {"GP301", "GP818"},
         unsafe=(
             "writes `_skipif` as `_skipIf`, and `__shared_blackboard` as `_autoremap` in version "
-            "4: the engine ignored them, and does not any longer"
+            "4: the engine ignored them, and now heeds them"
         ),
     ),
     _fixer(
@@ -431,36 +434,39 @@ FIXERS = (
         rules=("GP801",),
         propose=_subtree_names,
         safe=(
-            "writes the ID of a tree in its letters, and `<Dock/>` as a SubTree where Dock is a "
-            "tree of the file: the engine refuses anything else"
+            "corrects the case of a tree's ID, and writes `<Dock/>` as a SubTree if the file has a "
+            "tree Dock: the engine refuses anything else"
         ),
-        unsafe="takes the only tree whose ID is spelt alike: another one may be meant",
+        unsafe="takes the only tree with a similar ID: another one may be meant",
     ),
     _fixer(
         name="model-elements",
         rules=("GP814",),
         propose=_model_elements,
         reveals=_SHOWN,
-        safe="writes `<Input_Port>` as `<input_port>`: in other letters nobody reads it",
+        safe="writes `<Input_Port>` as `<input_port>`: nothing reads it in another case",
         unsafe=(
-            "writes `<action>` and other elements in their letters: what was not read is read, and "
-            "a node that was taken for an action may be a condition"
+            "corrects the case of `<action>` and other elements: what was ignored is then read, "
+            "and a node that was taken for an action may be a condition"
         ),
     ),
     _fixer(
         name="tree-numbers",
         rules=("GP811",),
         propose=_numbers,
-        safe="writes numbers of rounds without blanks, plus and point: the number is the same",
+        safe=(
+            "writes a number of rounds, successes or failures without spaces, plus sign and "
+            "decimal point: the number is the same"
+        ),
     ),
     _fixer(
         name="tree-keys",
         rules=("GP820", "GP823"),
         propose=_keys,
         unsafe=(
-            "puts braces around the key of an output, or around the only text that is the key "
-            "which is read, and writes a key as the only one that is spelt alike: a text may be "
-            "meant, or a key that the program sets"
+            "puts braces around the key of an output, or around the only text that equals the key "
+            "that is read, and corrects a key to the only similar one: a text may be meant, or a "
+            "key that the program sets"
         ),
     ),
     _fixer(
@@ -469,26 +475,29 @@ FIXERS = (
         propose=_main_tree,
         reveals=_SHOWN,
         safe=(
-            "names the only tree that no other one uses, where nothing says which one runs, and "
-            "writes the name of a tree in its letters: that tree was checked, too"
+            "names the only tree that no other tree uses if the file names none, and corrects the "
+            "case of the name: the check examined that tree, too"
         ),
-        unsafe="takes the only tree that is spelt alike, or that no other one uses",
+        unsafe=(
+            "takes the only tree with a similar name, or the only one that no other tree uses: "
+            "another one may be meant"
+        ),
     ),
     _fixer(
         name="tree-format",
         rules=("GP808",),
         propose=_tree_format,
         safe=(
-            "writes `4.0` as `4`, and adds the version where a node or an attribute of the file is "
-            "in one version only"
+            "writes `4.0` as `4`, and adds the version if the file has a node or an attribute that "
+            "only one version has"
         ),
-        unsafe="adds version 4 where nothing tells: the file may be for version 3",
+        unsafe="adds version 4 if the file gives no indication: it may be for version 3",
     ),
     _fixer(
         name="tree-root",
         rules=("GP101", "GP815"),
         propose=_tree_root,
-        safe="puts `<root>` around trees that stand alone: nothing else can be around them",
+        safe="puts `<root>` around trees that have none: nothing else can enclose them",
     ),
     _fixer(
         name="several-children",
@@ -496,8 +505,8 @@ FIXERS = (
         propose=_several_children,
         reveals=_SHOWN,
         unsafe=(
-            "puts what a tree or a decorator holds into a Sequence, where it may hold one node "
-            "only: a Fallback may be meant"
+            "puts the children of a tree or a decorator, which may have only one, into a Sequence: "
+            "a Fallback may be meant"
         ),
     ),
     _fixer(
@@ -505,6 +514,9 @@ FIXERS = (
         rules=("GP115",),
         propose=_taken_out,
         first=True,
-        safe="leaves out the text around the trees of a model's answer, with `--from-response`",
+        safe=(
+            "removes the text around the trees in a model's answer, with `--from-response`: it is "
+            "no part of the trees"
+        ),
     ),
 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -27,10 +27,10 @@ _GROUP = "gpsfsm.properties"
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """A run breaks a property.
+    """A breach of a property by a run.
 
-    ``numbers`` are the instances that it shows at, the most important one first; (): the run as a
-    whole. Breaches with the same ``about`` are told once, in the plainest scenario.
+    ``numbers`` are the instances concerned, the most important one first; () means the run as a
+    whole. Breaches with the same ``about`` are reported once, in the simplest scenario.
     """
 
     message: str
@@ -40,10 +40,10 @@ class Breach:
 
 @dataclass(frozen=True, slots=True)
 class Property:
-    """A property of every run; ``holds`` says it in a few words.
+    """A property that every run must have; ``holds`` states it in a few words.
 
-    ``check`` gives what breaks it in one run, in an order that depends on the run alone.
-    ``by_default``: plans are held against it if nothing else is asked for.
+    ``check`` yields the breaches in one run, in an order that depends on the run alone.
+    ``by_default``: the property is checked unless other properties are named.
     """
 
     name: str
@@ -51,6 +51,28 @@ class Property:
     check: Callable[[Run], Iterable[Breach]]
     severity: Severity = Severity.ERROR
     by_default: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Guarded:
+    """The check of somebody else's property, whose failure is a UsageError that names it."""
+
+    name: str
+    check: Callable[[Run], Iterable[Breach]]
+
+    def __call__(self, run: Run) -> list[Breach]:
+        try:
+            return list(self.check(run))
+        except (MemoryError, UsageError):
+            raise
+        except Exception as error:  # whatever the other package does wrong
+            reason = f"{type(error).__name__}: {error}"
+            raise UsageError(f"the property {self.name} cannot be checked: {reason}") from error
+
+
+def guarded(theirs: Property) -> Property:
+    """A property of a user or of another package, the failures of which are theirs."""
+    return replace(theirs, check=_Guarded(theirs.name, theirs.check))
 
 
 @cache
@@ -84,7 +106,7 @@ def find_property(name: str) -> Property:
         _GROUP, name, Property, noun="property", expected="gpsfsm.fuzzing.Property"
     )
     if plugin is not None:
-        return plugin
+        return guarded(plugin)
     names = ", ".join((*property_names(), *offered))
     raise UsageError(
         f"there is no property '{name:.100}'; the properties are: {names}. One of your own is "

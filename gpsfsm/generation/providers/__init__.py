@@ -1,6 +1,6 @@
 """Providers of models: their registry, and the settings with which a model is made.
 
-Built-in providers are the modules of ``known``. One that is spoken to over HTTP is a ``Dialect``, a
+Built-in providers are the modules of ``builtin``. One that speaks HTTP is a ``Dialect``, a
 builder of requests and a reader of replies; ``http_model`` and ``transport`` do the rest. Another
 package adds providers through the entry point group ``gpsfsm.models``: the name of an entry is the
 one that users write before the colon, the object is a ``Provider``. It cannot replace a built-in.
@@ -26,7 +26,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gpsfsm.errors import UsageError
-from gpsfsm.generation.providers import known
+from gpsfsm.generation.providers import builtin
 from gpsfsm.generation.providers.address import Permission, Secret, address, permission, server_of
 from gpsfsm.model.printable import clip
 from gpsfsm.plugins import find_plugin
@@ -47,12 +47,14 @@ _EXAMPLE = "such as ollama:qwen3:8b or openai:gpt-5"
 
 @dataclass(frozen=True, slots=True)
 class Provider:
-    """Someone who has models.
+    """A provider of language models.
 
-    ``make(model, settings, rendered)`` gives one; it need not be reachable then. ``default_model``
-    "" means that a model must be named. ``url_variable`` and ``key_variables`` are environment
-    variables that hold for this provider, besides those of gpsfsm. ``default_url`` is where its own
-    server is: there the keys of these variables may go.
+    - ``make(model, settings, rendered)`` returns a model; the server need not be reachable yet.
+    - ``default_model``: "" means that a model must be named.
+    - ``url_variable``, ``key_variables``: environment variables for this provider, in addition to
+      those of gpsfsm.
+    - ``default_url``: the provider's own server, to which the keys in ``key_variables`` may be
+      sent.
     """
 
     name: str
@@ -66,7 +68,7 @@ class Provider:
 @cache
 def provider_names() -> tuple[str, ...]:
     """The names of the built-in providers; imports none of them."""
-    modules = (module.name for module in pkgutil.iter_modules(known.__path__))
+    modules = (module.name for module in pkgutil.iter_modules(builtin.__path__))
     return tuple(sorted(_called(name) for name in modules if not name.startswith("_")))
 
 
@@ -76,7 +78,7 @@ def find_provider(spec: str) -> tuple[Provider, str]:
     if not name:
         raise UsageError(f"no model is named; write provider:model, {_EXAMPLE}")
     if name in provider_names():
-        module = importlib.import_module(f"{known.__name__}.{name.replace('-', '_')}")
+        module = importlib.import_module(f"{builtin.__name__}.{name.replace('-', '_')}")
         provider: Provider = module.PROVIDER
     else:
         provider = _foreign(name)

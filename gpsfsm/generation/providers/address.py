@@ -85,7 +85,7 @@ def address(text: str, provider: str) -> str:
     'http://127.0.0.1:11434'
     """
     if not text.strip():
-        raise UsageError(f"{provider} has no address of its own; --base-url names one")
+        raise UsageError(f"{provider} has no default address; name one with --base-url")
     text = text.strip()
     if provider == "ollama" and text.startswith(":"):  # OLLAMA_HOST may be a port alone
         text = f"127.0.0.1{text}"
@@ -111,17 +111,17 @@ def _parts(text: str) -> SplitResult:
         parts = urlsplit(text if "://" in text else f"http://{text}")
         _ = parts.port
     except ValueError:
-        raise UsageError("the base URL is no address, such as http://localhost:8000/v1") from None
+        raise UsageError("the base URL is not one such as http://localhost:8000/v1") from None
     if "@" in parts.netloc:
         raise UsageError(
-            "the base URL has a user or password in it; keys belong into the environment, such as "
+            "the base URL has a user or password in it; keys belong in the environment, such as "
             "GPSFSM_API_KEY"
         )
     if parts.query or parts.fragment:
-        raise UsageError("the base URL has a '?' or '#' in it, which belongs to no base URL")
+        raise UsageError("the base URL must not contain '?' or '#'")
     slashes_lost = "://" not in text and parts.netloc.lower() in ("http:", "https:")
     if parts.scheme not in ("http", "https") or not parts.hostname or slashes_lost:
-        raise UsageError("the base URL is no address, such as http://localhost:8000/v1")
+        raise UsageError("the base URL is not one such as http://localhost:8000/v1")
     return parts
 
 

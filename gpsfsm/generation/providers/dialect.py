@@ -22,8 +22,8 @@ _FINISH = {"stop": Finish.STOP, "tool_calls": Finish.STOP, "length": Finish.LENG
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """One way in which a server may take a grammar: the field, and the language in it."""
+class GrammarField:
+    """The field of a request in which a server takes a grammar, and the format of that."""
 
     name: str
     constraint: Constraint
@@ -31,11 +31,14 @@ class Way:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ask:
-    """The parts of a body. ``grammar`` is in the language of ``way``; both or neither."""
+    """The parts of a request body. Set both ``grammar_field`` and ``grammar`` or neither.
+
+    ``grammar`` is a text in the format of ``grammar_field``.
+    """
 
     model: str
     request: Request
-    way: Way | None = None
+    grammar_field: GrammarField | None = None
     grammar: str = ""
     thinking: bool = False
     context_tokens: int | None = None
@@ -78,8 +81,8 @@ class Dialect(Protocol):
     def start_hint(self) -> str:
         """The hint for the case that no server is there."""
 
-    def ways(self, model: str) -> tuple[Way, ...]:
-        """The ways in which grammars can be sent to a model, best first."""
+    def grammar_fields(self, model: str) -> tuple[GrammarField, ...]:
+        """The fields in which a model takes grammars, best first."""
 
     def body(self, ask: Ask) -> dict[str, Any]:
         """The request as JSON."""
@@ -113,26 +116,26 @@ def count(value: Any) -> int | None:
 
 
 class ChatDialect:
-    """The dialect of OpenAI, which servers share; they differ in ``ways`` and ``body``."""
+    """The dialect of OpenAI. Others differ from it in ``grammar_fields`` and ``body``."""
 
     path = "chat/completions"
     models_path = "models"
     default_url = ""
     start_hint = "is the server running there?"
 
-    def ways(self, model: str) -> tuple[Way, ...]:  # noqa: ARG002
-        """The ways in which grammars can be sent."""
-        return (Way("response_format", Constraint.JSON_SCHEMA),)
+    def grammar_fields(self, _model: str) -> tuple[GrammarField, ...]:
+        """The fields in which a model takes grammars."""
+        return (GrammarField("response_format", Constraint.JSON_SCHEMA),)
 
     def body(self, ask: Ask) -> dict[str, Any]:
         """The request as JSON."""
         body = chat_body(ask)
-        if ask.way is not None:
+        if ask.grammar_field is not None:
             body |= json_schema_format(ask.grammar)
         return body
 
     def reply(self, data: Any) -> Reply:
-        """Read a reply."""
+        """Parse a reply."""
         message = at(data, "choices", 0, "message")
         finish = at(data, "choices", 0, "finish_reason")
         refusal = at(message, "refusal")
@@ -159,7 +162,7 @@ class ChatDialect:
         )
 
     def models(self, data: Any) -> list[str]:
-        """The names in a list of models."""
+        """The model names in a list of models."""
         models = at(data, "data")
         names = [at(each, "id") for each in models] if isinstance(models, list) else []
         return [name for name in names if isinstance(name, str)]
@@ -171,7 +174,7 @@ def messages_of(ask: Ask) -> list[dict[str, str]]:
 
 
 def chat_body(ask: Ask) -> dict[str, Any]:
-    """The request without any grammar."""
+    """Return the JSON body of a chat request, without a grammar."""
     value: object = ask
     if not isinstance(value, Ask):
         raise misused("chat_body", "a gpsfsm.Ask", value)
@@ -217,7 +220,7 @@ def said_wrong(data: Any) -> str:
 
 def _broken_off(data: Any) -> str:
     """The error in an answer that the server could not finish."""
-    return said_wrong(at(data, "choices", 0)) or "the answer was broken off"
+    return said_wrong(at(data, "choices", 0)) or "the answer was cut off"
 
 
 def _text(content: Any) -> str | None:

@@ -36,7 +36,7 @@ from gpsfsm.strict_json import strict_loads
 if TYPE_CHECKING:
     from gpsfsm.generation.language_model import LanguageModel
     from gpsfsm.generation.providers import ModelSettings, Rendered
-    from gpsfsm.generation.providers.dialect import Dialect, Reply, Way
+    from gpsfsm.generation.providers.dialect import Dialect, GrammarField, Reply
     from gpsfsm.generation.providers.transport import Received
 
 _NOT_HEEDED = frozenset({400, 422, 501})
@@ -58,9 +58,9 @@ _GRAMMARS = {
 }
 
 
-def probe_grammar(mode: Way) -> str:
+def probe_grammar(field: GrammarField) -> str:
     """A grammar that allows one answer."""
-    return _GRAMMARS[mode.constraint]
+    return _GRAMMARS[field.constraint]
 
 
 def probe_request() -> Request:
@@ -68,9 +68,9 @@ def probe_request() -> Request:
     return Request((Message(Role.USER, _QUESTION),), max_tokens=_MAX_TOKENS)
 
 
-def expected(mode: Way, text: str) -> bool:
+def expected(field: GrammarField, text: str) -> bool:
     """True if an answer is the only one that the grammar allows."""
-    if mode.constraint is not Constraint.JSON_SCHEMA:
+    if field.constraint is not Constraint.JSON_SCHEMA:
         return text.strip() == _WORD
     try:
         return bool(strict_loads(text) == {"answer": _WORD})
@@ -84,13 +84,13 @@ class Probes:
     def __init__(self) -> None:
         self._heeded: dict[tuple[str, str, str], bool] = {}
 
-    def heeded(self, url: str, model: str, mode: Way) -> bool | None:
+    def heeded(self, url: str, model: str, field: GrammarField) -> bool | None:
         """True if a server heeds grammars, None if it has not been tested."""
-        return self._heeded.get((url, model, mode.name))
+        return self._heeded.get((url, model, field.name))
 
-    def learn(self, url: str, model: str, mode: Way, *, heeded: bool) -> None:
+    def learn(self, url: str, model: str, field: GrammarField, *, heeded: bool) -> None:
         """Keep what a probe has shown."""
-        self._heeded[url, model, mode.name] = heeded
+        self._heeded[url, model, field.name] = heeded
 
     def forget(self) -> None:
         """Ask all servers again."""
@@ -109,7 +109,10 @@ def http_provider(
     url_variable: str = "",
     key_variables: tuple[str, ...] = (),
 ) -> Provider:
-    """A provider that is spoken to over HTTP in a dialect."""
+    """Return a provider that is reached over HTTP in the given dialect.
+
+    ``url_variable`` and ``key_variables`` are environment variables for its address and its keys.
+    """
 
     def make(model: str, settings: ModelSettings, rendered: Rendered | None) -> LanguageModel:
         return HttpModel(name, model, dialect, settings, rendered=rendered)
@@ -138,7 +141,7 @@ class HttpModel:
         url = address(settings.base_url or dialect.default_url, provider)
         self._place = Place(url=url, key=settings.key, start_hint=dialect.start_hint)
         self._transport = transport or Transport(self._place, settings)
-        self._ways = self._possible_ways()
+        self._fields = self._possible_fields()
         self._probing: tuple[asyncio.AbstractEventLoop, asyncio.Lock] | None = None
         self._unsure = 0  # probes that told nothing
 
@@ -160,21 +163,21 @@ class HttpModel:
 
     async def answer(self, request: Request) -> Answer:
         """Ask. Raises ModelError."""
-        mode, probes = await self._mode(request)
-        received = await self._send(self._ask(request, mode))
+        field, probes = await self._field(request)
+        received = await self._send(self._ask(request, field))
         if isinstance(received, Failure):
             raise self._error(await self._explained(received))
         reply = self._dialect.reply(received.data)
         if (failure := _unusable(reply, request)) is not None:
             raise self._error(failure)
-        return self._answer(request, reply, received, mode, probes)
+        return self._answer(request, reply, received, field, probes)
 
     def _answer(
         self,
         request: Request,
         reply: Reply,
         received: Received,
-        mode: Way | None,
+        field: GrammarField | None,
         probes: int,
     ) -> Answer:
         content = _writable(self._place.key.hidden(reply.text or ""))
@@ -182,7 +185,7 @@ class HttpModel:
         text = without_thoughts(content)
         if not text.strip():
             raise self._error(_empty(reply, request))
-        constrained = None if mode is None else mode.constraint
+        constrained = None if field is None else field.constraint
         if constrained is Constraint.JSON_SCHEMA and reply.finish is not Finish.LENGTH:
             text, constrained = self._as_xml(text)
         usage = completed(reply.usage, request, thoughts + content)
@@ -208,48 +211,50 @@ class HttpModel:
 
     # --- how grammars are sent -------------------------------------------------------------------
 
-    def _possible_ways(self) -> tuple[Way, ...]:
+    def _possible_fields(self) -> tuple[GrammarField, ...]:
         if self._settings.constrain is Constrain.NEVER:
             return ()
-        ways = self._dialect.ways(self._model)
+        fields = self._dialect.grammar_fields(self._model)
         wanted = self._settings.dialect
-        if wanted and wanted not in {mode.name for mode in ways}:
-            has = ", ".join(mode.name for mode in ways) or "none"
+        if wanted and wanted not in {field.name for field in fields}:
+            has = ", ".join(field.name for field in fields) or "none"
             raise UsageError(
                 f"{self.name} has no dialect '{clip(wanted, 60)}'; its dialects are: {has}"
             )
         return tuple(
-            mode
-            for mode in ways
-            if (not wanted or mode.name == wanted)
-            and (mode.constraint is not Constraint.JSON_SCHEMA or self._rendered is not None)
+            field
+            for field in fields
+            if (not wanted or field.name == wanted)
+            and (field.constraint is not Constraint.JSON_SCHEMA or self._rendered is not None)
         )
 
-    async def _mode(self, request: Request) -> tuple[Way | None, int]:
-        """The way to send the grammar, None for not at all; and the requests that it took."""
-        ways = [mode for mode in self._ways if request.grammar(mode.constraint) is not None]
-        if not ways or self._settings.constrain is Constrain.ALWAYS:
-            return (ways[0] if ways else None), 0
+    async def _field(self, request: Request) -> tuple[GrammarField | None, int]:
+        """The field for the grammar, None for none; and the requests that it took."""
+        fields = [field for field in self._fields if request.grammar(field.constraint) is not None]
+        if not fields or self._settings.constrain is Constrain.ALWAYS:
+            return (fields[0] if fields else None), 0
         unsure = self._unsure
         async with self._lock():
             if self._unsure != unsure:  # tried in vain while this waited
                 return None, 0
             probes = 0
-            for mode in ways:
-                heeded = self._probed.heeded(self._place.url, self._model, mode)
+            for field in fields:
+                heeded = self._probed.heeded(self._place.url, self._model, field)
                 if heeded is None:
                     probes += 1
-                    heeded = await self._probe(mode)
+                    heeded = await self._probe(field)
                 if heeded is None:  # it cannot be reached: the request itself will tell why
                     self._unsure += 1
                     return None, probes
                 if heeded:
-                    return mode, probes
+                    return field, probes
         return None, probes
 
-    async def _probe(self, mode: Way) -> bool | None:
+    async def _probe(self, field: GrammarField) -> bool | None:
         """True if the server heeds grammars, None if that cannot be told now."""
-        ask = replace(self._ask(probe_request(), None), way=mode, grammar=probe_grammar(mode))
+        ask = replace(
+            self._ask(probe_request(), None), grammar_field=field, grammar=probe_grammar(field)
+        )
         received = await self._send(ask, retries=0)
         if isinstance(received, Failure):
             if received.status not in _NOT_HEEDED:
@@ -259,8 +264,8 @@ class HttpModel:
             reply = self._dialect.reply(received.data)
             if reply.text is None:
                 return None
-            heeded = expected(mode, without_thoughts(reply.text))
-        self._probed.learn(self._place.url, self._model, mode, heeded=heeded)
+            heeded = expected(field, without_thoughts(reply.text))
+        self._probed.learn(self._place.url, self._model, field, heeded=heeded)
         return heeded
 
     def _lock(self) -> asyncio.Lock:
@@ -272,13 +277,13 @@ class HttpModel:
 
     # --- requests and errors ---------------------------------------------------------------------
 
-    def _ask(self, request: Request, mode: Way | None) -> Ask:
-        in_json = mode is not None and mode.constraint is Constraint.JSON_SCHEMA
+    def _ask(self, request: Request, field: GrammarField | None) -> Ask:
+        in_json = field is not None and field.constraint is Constraint.JSON_SCHEMA
         return Ask(
             model=self._model,
             request=_asking_for_json(request) if in_json else request,
-            way=mode,
-            grammar="" if mode is None else request.grammar(mode.constraint) or "",
+            grammar_field=field,
+            grammar="" if field is None else request.grammar(field.constraint) or "",
             thinking=self._settings.thinking,
             context_tokens=self._settings.context_tokens,
         )
@@ -286,7 +291,7 @@ class HttpModel:
     async def _send(self, ask: Ask, *, retries: int | None = None) -> Received | Failure:
         body = self._dialect.body(ask)
         return await self._transport.post(
-            self._dialect.path, body, grammar=ask.way is not None, retries=retries
+            self._dialect.path, body, grammar=ask.grammar_field is not None, retries=retries
         )
 
     async def _explained(self, failure: Failure) -> Failure:

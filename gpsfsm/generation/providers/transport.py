@@ -87,13 +87,13 @@ def refused(
     elif status == 429:
         hint = "; ask less often, or wait longer (max-wait)"
     elif status == 407:
-        hint = "; the proxy in the environment wants a password"
+        hint = "; the proxy in the environment requires a password"
     elif status in (401, 403):
         hint = _about_key(status, place.key)
     elif status in (400, 413, 422, 500) and _TOO_LONG.search(said):
         retry, hint = False, "; --context says how much the model can read, so prompts get shorter"
     elif status in (400, 422) and grammar and _GRAMMAR.search(said):
-        hint = "; it does not take our grammar, --no-constrain asks without"
+        hint = "; it does not accept the grammar: use --no-constrain"
     elif status in (400, 422) and "chat_template" in said:
         hint = "; with 'thinking = true' in the configuration that field is not sent"
     elif status in (404, 405):
@@ -130,7 +130,7 @@ def unreachable(error: BaseException, place: Place) -> Failure:
         if isinstance(cause, socket.gaierror):
             passing = cause.errno == socket.EAI_AGAIN
             return Failure(
-                f"there is no host of the name in {place.url}, or the network is down",
+                f"the host in {place.url} does not exist, or the network is down",
                 retry=passing,
                 again=passing,
             )
@@ -310,7 +310,7 @@ class Transport:
 
     async def _read(self, response: httpx.Response, *, grammar: bool) -> Any:
         if response.headers.get("content-encoding", "identity").lower() != "identity":
-            what = "it is packed, although that was not asked for"
+            what = "it is compressed, although that was not requested"
             return broken(what, self._place)
         if response.status_code != 200:
             content = await _content(response, _MAX_REFUSAL)

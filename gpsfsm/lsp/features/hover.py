@@ -87,7 +87,7 @@ def _tell_finding(prose: Prose, finding: Finding) -> None:
     prose.title(f"{finding.rule} {finding.name}", f"({finding.severity.value})")
     prose.text(finding.message)
     if finding.scenario is not None:
-        prose.text(f"A run that ends {finding.scenario.ends.value}:")
+        prose.text(f"Scenario in which {finding.scenario.ending}:")
         prose.items(finding.scenario.story[:_MOST_STEPS], numbered=True)
     if finding.hint:
         prose.text(f"What to do: {finding.hint}")

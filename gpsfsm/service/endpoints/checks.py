@@ -67,7 +67,7 @@ class GateRequest(Request):
         default=False, description="Comments in the plan may excuse findings."
     )
     allow_empty: bool = Field(default=False, description="A plan that does nothing passes.")
-    trees: bool = Field(default=False, description="Behaviour trees are plans as well.")
+    trees: bool = Field(default=False, description="Behaviour trees are accepted too.")
 
 
 class DigestsShown(Answer):
@@ -108,6 +108,7 @@ class GateAnswer(Answer):
 
 
 _MOST = 100
+_ONLY_PLANS = "; behaviour trees are decided only if the request sets trees"
 
 
 def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnswer:
@@ -116,6 +117,7 @@ def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnsw
     from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT, IDLE_IGNORE, is_idle
     from gpsfsm.model.finding import Severity
     from gpsfsm.service.worker import sent_task, shown
+    from gpsfsm.syntax.trees import is_trees
 
     if is_idle(request.options.ignore, request.fail_on):
         raise UsageError(IDLE_IGNORE.format(codes=", ".join(request.options.ignore)[:100]))
@@ -128,10 +130,11 @@ def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnsw
         allow_empty=request.allow_empty,
     )
     verdict = gate_text(plan, request.name, options)
+    refused_tree = not request.trees and is_trees(plan.decode("utf-8", "replace"))
     return GateAnswer(
         verdict=verdict.decision.value,
         reason=verdict.reason.value,
-        message=verdict.message,
+        message=verdict.message + (_ONLY_PLANS if refused_tree else ""),
         basis=BasisShown.model_validate(verdict.basis.to_dict()),
         findings=[shown(each) for each in verdict.findings[:_MOST]],
         more_findings=max(0, len(verdict.findings) - _MOST),
@@ -180,7 +183,9 @@ class FixRequest(Request):
     plan: PlanText
     name: Name = "plan.xml"
     options: Wishes = Wishes()
-    unsafe: bool = Field(default=False, description="Also repairs that may change the meaning.")
+    unsafe: bool = Field(
+        default=False, description="Also apply repairs that may change the meaning."
+    )
 
 
 class Repair(Answer):
@@ -312,7 +317,7 @@ ENDPOINTS = (
         method="POST",
         path="/v1/view",
         name="view",
-        summary="What a page shows of a plan",
+        summary="Return what a page shows of a plan",
         request=ViewRequest,
         answer=ViewAnswer,
         work=_view,

@@ -61,7 +61,7 @@ async def _generate(core: Core, request: HttpRequest) -> Response:
     queue = core.queue if wanted.auto_queue else None
     client = client_of(request.scope)
     if not core.generating.take(client):
-        raise Problem(429, "the language model is being asked already; try again", retry_s=10)
+        raise Problem(429, "the language model is busy; try again", retry_s=10)
     try:
         result = await _generated(core, request, wanted.task)
     finally:
@@ -137,7 +137,7 @@ ENDPOINTS = (
         method="POST",
         path="/v1/generate",
         name="generate",
-        summary="Let a language model write a plan",
+        summary="Ask a language model for a plan",
         request=GenerateRequest,
         answer=GenerateAnswer,
         handle=_generate,

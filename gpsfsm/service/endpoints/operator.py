@@ -80,7 +80,7 @@ def _real(core: Core) -> PlanQueueClient:
     """The queue of real runs. Raises Problem 501."""
     queue = core.queue
     if not core.settings.real:
-        raise Problem(501, "nothing here moves a robot: the service was started without --real")
+        raise Problem(501, "nothing here moves a robot: start the service with --real")
     return queue
 
 
@@ -106,7 +106,9 @@ async def _stop(core: Core, request: HttpRequest) -> Response:
     )
     if problems:
         said = answer.model_dump(exclude={"problems"})
-        raise Problem(503, f"not all is stopped for sure: {'; '.join(problems)}", **said)
+        raise Problem(
+            503, f"it is not confirmed that everything has stopped: {'; '.join(problems)}", **said
+        )
     return json_response(answer)
 
 
@@ -134,11 +136,11 @@ async def _release(core: Core, request: HttpRequest) -> Response:
     queue = _real(core)
     wanted: ReleaseRequest = await read_request(core, request, ReleaseRequest)
     if not queue.up:  # nobody knows yet why it will be held when it is back
-        why = "the queue stays held: the process that runs the plans is being started again"
+        why = "the queue stays held: the process that runs the plans is being restarted"
         raise Problem(503, why, retry_s=5)
     if core.stopper is not None and not core.stopper.up:
         why = f": {core.stopper.failure}" if core.stopper.failure else ""
-        raise Problem(503, f"the queue stays held: the stopper is not there{why}", retry_s=5)
+        raise Problem(503, f"the queue stays held: the stopper is not available{why}", retry_s=5)
     state = await queue.ask("release", once=True, held=wanted.held)
     answer = _answer(core, state).model_dump()
     return json_response(ReleaseAnswer(**answer, success=state["done"]))
@@ -153,14 +155,14 @@ async def _bond(core: Core, request: HttpRequest) -> Response:
 
 
 _OFF = (501, "No real runners act.")
-_DOWN = (503, "It could not be done, or nobody knows whether it was.")
+_DOWN = (503, "It could not be done, or it is unknown whether it was.")
 
 ENDPOINTS = (
     Endpoint(
         method="POST",
         path="/v1/stop",
         name="stop",
-        summary="Cancel every goal and the plan that runs, and hold the queue",
+        summary="Cancel every goal and the running plan, and hold the queue",
         answer=StopAnswer,
         handle=_stop,
         also=(_OFF, _DOWN),
@@ -169,7 +171,7 @@ ENDPOINTS = (
         method="GET",
         path="/v1/queue",
         name="get_queue",
-        summary="Tell whether the queue is held, and what runs",
+        summary="Report whether the queue is held, and what runs",
         answer=QueueAnswer,
         handle=_queue,
         also=(_OFF, _DOWN),
@@ -178,7 +180,7 @@ ENDPOINTS = (
         method="POST",
         path="/v1/queue/release",
         name="release_queue",
-        summary="Let plans begin again",
+        summary="Release the queue: plans may begin again",
         request=ReleaseRequest,
         answer=ReleaseAnswer,
         handle=_release,
@@ -188,7 +190,7 @@ ENDPOINTS = (
         method="POST",
         path="/v1/bond",
         name="bond",
-        summary="Beat: if the beats stop, so does the robot",
+        summary="Send a heartbeat: if the heartbeats stop, so does the robot",
         request=BondRequest,
         answer=QueueAnswer,
         handle=_bond,

@@ -44,7 +44,7 @@ class StartRequest(Request):
     """The beginning of a plan. A field that is left out is as for all plans of the service."""
 
     speed: Speed = None
-    paused: bool = Field(default=False, description="It stands still as soon as it has begun.")
+    paused: bool = Field(default=False, description="It is paused as soon as it has begun.")
     world: Annotated[
         str,
         Field(
@@ -243,25 +243,25 @@ ENDPOINTS = (
         handle=_set,
         also=(
             _OFF,
-            (409, "The request_id was that of another plan."),
-            (507, "The journal takes no more plans."),
+            (409, "This request_id belongs to another plan."),
+            (507, "The journal cannot take more plans."),
         ),
     ),
     Endpoint(
         method="GET",
         path="/v1/plans",
         name="list_plans",
-        summary="List the plans of the queue, behind the plan with the number 'after'",
+        summary="List the plans of the queue after the plan 'after'",
         answer=PlansAnswer,
         handle=_list,
-        query=(Query("after", "The number of a plan; those behind it are listed."),),
+        query=(Query("after", "The number of a plan; those after it are listed."),),
         also=(_OFF, NO_NUMBER),
     ),
     Endpoint(
         method="GET",
         path="/v1/plans/{plan}",
         name="get_plan_status",
-        summary="Tell how a plan stands",
+        summary="Return the status of a plan",
         answer=PlanAnswer,
         handle=_status,
         also=(_NONE, _OFF),
@@ -270,7 +270,7 @@ ENDPOINTS = (
         method="POST",
         path="/v1/plans/{plan}/cancel",
         name="cancel_plan",
-        summary="Cancel a plan that waits or runs",
+        summary="Cancel a waiting or running plan",
         request=CancelRequest,
         answer=CancelAnswer,
         handle=_cancel,
@@ -280,15 +280,15 @@ ENDPOINTS = (
         method="POST",
         path="/v1/plans/{plan}/completion",
         name="completion",
-        summary="Tell whether a plan has completed, and wait for that",
+        summary="Report whether a plan has completed, and wait for it",
         request=CompletionRequest,
         answer=CompletionAnswer,
         handle=_completion,
         also=(_NONE, _OFF),
     ),
-    _endpoint("pause", "Let a plan that runs stand still", PauseRequest),
+    _endpoint("pause", "Pause a running plan", PauseRequest),
     _endpoint("resume", "Let it go on", ResumeRequest),
-    _endpoint("step", "Let it go on by single events", StepRequest),
-    _endpoint("speed", "Let it go faster or slower", SpeedRequest),
-    _endpoint("fail", "Let one of its runners fail that runs", FailRequest),
+    _endpoint("step", "Step it by single events", StepRequest),
+    _endpoint("speed", "Change its speed", SpeedRequest),
+    _endpoint("fail", "Make one of its active runners fail", FailRequest),
 )

@@ -1,10 +1,14 @@
-"""``GET /health``, ``/metrics`` and ``/openapi.json``: for those who run the service."""
+"""``GET /livez``, ``/readyz``, ``/health``, ``/metrics``, ``/openapi.json``: for operators.
+
+``/livez`` and ``/readyz`` need no token, so they say nothing but words of a fixed list.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from gpsfsm.service.core import MEDIA
+from gpsfsm.service.core import MEDIA, Unready
+from gpsfsm.service.entrance import PREFIX
 from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer
 from gpsfsm.version import VERSION
@@ -25,6 +29,34 @@ class HealthAnswer(Answer):
     gate_workers: int
     queue: Literal["up", "down", "off"]
     stopper: Literal["up", "down", "off"]
+
+
+class LiveAnswer(Answer):
+    """The service answers; nothing is said of what it can do."""
+
+    status: Literal["alive"] = "alive"
+
+
+class ReadyAnswer(Answer):
+    """The readiness of the service for requests; ``reasons`` is why it is not ready."""
+
+    status: Literal["ready", "not ready"]
+    reasons: list[Unready]
+
+
+async def _live(_core: Core, _request: Request) -> Response:
+    from starlette.responses import Response
+
+    return Response(LiveAnswer().model_dump_json(), media_type="application/json")
+
+
+async def _ready(core: Core, _request: Request) -> Response:
+    from starlette.responses import Response
+
+    reasons = await core.unready()
+    answer = ReadyAnswer(status="not ready" if reasons else "ready", reasons=reasons)
+    code = 503 if reasons else 200
+    return Response(answer.model_dump_json(), status_code=code, media_type="application/json")
 
 
 async def _health(core: Core, _request: Request) -> Response:
@@ -59,20 +91,39 @@ async def _metrics(core: Core, _request: Request) -> Response:
     return Response(core.metrics.text(core.gauges()), media_type=MEDIA)
 
 
-async def _openapi(_core: Core, _request: Request) -> Response:
+async def _openapi(_core: Core, request: Request) -> Response:
     from starlette.responses import Response
 
     from gpsfsm.service.registry import document
 
-    return Response(document(), media_type="application/json")
+    return Response(document(request.scope.get(PREFIX, "")), media_type="application/json")
 
 
 ENDPOINTS = (
     Endpoint(
         method="GET",
+        path="/livez",
+        name="livez",
+        summary="Report that the service answers",
+        answer=LiveAnswer,
+        handle=_live,
+        public=True,
+    ),
+    Endpoint(
+        method="GET",
+        path="/readyz",
+        name="readyz",
+        summary="Report whether requests should be sent here",
+        answer=ReadyAnswer,
+        handle=_ready,
+        public=True,
+        also=((503, "Not now; the answer says why."),),
+    ),
+    Endpoint(
+        method="GET",
         path="/health",
         name="health",
-        summary="Tell whether the service can do its work",
+        summary="Report the health of the service",
         answer=HealthAnswer,
         handle=_health,
         public=True,
@@ -82,7 +133,7 @@ ENDPOINTS = (
         method="GET",
         path="/metrics",
         name="metrics",
-        summary="Tell what was counted, for Prometheus",
+        summary="Return metrics for Prometheus",
         media="text/plain",
         handle=_metrics,
     ),

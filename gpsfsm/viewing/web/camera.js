@@ -2,14 +2,18 @@
 // fingers move it. What is pointed at comes from the picture itself.
 
 import { prefersLessMotion } from "./dom.js";
-import { viewOf } from "./paint.js";
+import { NAMES_FROM, viewOf } from "./paint.js";
 import { emptyPicture } from "./picture.js";
 
 /** @import { Group, Item } from "./picture.js" */
 
 const FIT_PADDING = 24;
+const BUTTONS = { width: 400, height: 40 }; // pixels at the top right of a pane, which pictures keep clear of
+const BUTTONS_AIR = 4; // pixels below them
 const LARGEST_FIT = 1.15;
-const GOOD_TO_READ = 0.6;
+export const GOOD_TO_READ = 0.6;
+const FAIR_TO_READ = 0.48; // a smaller picture is not shown as a whole
+const FEW_ITEMS = 60;
 const NUDGE_MARGIN = 50; // pixels
 const SMALLEST_TARGET = 5; // pixels
 const SMALLEST = 0.02;
@@ -33,6 +37,10 @@ export class GraphCamera {
     this.pan = { x: 0, y: 0 };
     this.zoom = 1;
     this.fitted = false; // whether all of the picture is in view, and is to stay so
+    this.opened = false; // whether nothing has moved the view since it was opened
+    this.onPaper = false; // where no buttons are
+    this.held = false; // whether somebody has moved it: then it follows no run
+    this.reopen = () => this.openView(); // when the pane gets another size then
     this.animation = 0;
     this.pointers = new Map(); // those that are down, by their numbers
     /** @type {Item | Group | null} */
@@ -52,14 +60,37 @@ export class GraphCamera {
     return viewOf(this.pan, this.zoom, this.box.clientWidth, this.box.clientHeight);
   }
 
-  // All of it if that can be read, else its beginning, but for pictures that are large anyway.
+  // All of it if that can be read, with its end; else its beginning, but for pictures that are large anyway.
   openView() {
     this.fit(false);
+    this.opened = true;
     const [width, height] = [this.box.clientWidth, this.box.clientHeight];
     const across = Math.min(0.9, (width - 2 * FIT_PADDING) / this.picture.width);
-    if (this.zoom >= GOOD_TO_READ || across < GOOD_TO_READ || !height) return;
-    const x = (width - this.picture.width * across) / 2;
-    this.moveTo({ zoom: across, pan: { x, y: FIT_PADDING } }, false);
+    if (this.zoom >= FAIR_TO_READ || !height) return;
+    const least = this.zoom < NAMES_FROM ? FAIR_TO_READ : GOOD_TO_READ;
+    if (across >= least) this.openAt(across);
+    else if (this.zoom < NAMES_FROM && this.hasNoBlocks()) this.openAtFirst();
+  }
+
+  // From far away one sees the blocks of a large plan. A machine has none, and a few nodes are only small.
+  hasNoBlocks() {
+    const { groups, items } = this.picture;
+    return !groups.length || items.length < FEW_ITEMS;
+  }
+
+  // What comes first, large enough to be read.
+  openAtFirst() {
+    const [first] = this.picture.items;
+    if (!first) return;
+    const x = this.box.clientWidth / 2 - (first.box.x + first.box.width / 2) * GOOD_TO_READ;
+    this.moveTo({ zoom: GOOD_TO_READ, pan: { x, y: this.topPadding(GOOD_TO_READ) - first.box.y * GOOD_TO_READ } }, false);
+    this.fitted = false;
+  }
+
+  // Its beginning in this size.
+  openAt(zoom) {
+    const x = (this.box.clientWidth - this.picture.width * zoom) / 2;
+    this.moveTo({ zoom, pan: { x, y: this.topPadding(zoom) } }, false);
     this.fitted = false;
   }
 
@@ -67,11 +98,20 @@ export class GraphCamera {
     const [width, height] = [this.box.clientWidth, this.box.clientHeight];
     if (!width || !height) return;
     const across = (width - 2 * FIT_PADDING) / this.picture.width;
-    const along = (height - 2 * FIT_PADDING) / this.picture.height;
-    const zoom = Math.min(LARGEST_FIT, across, along);
-    const pan = { x: (width - this.picture.width * zoom) / 2, y: (height - this.picture.height * zoom) / 2 };
+    const zoomBelow = (top) => Math.min(LARGEST_FIT, across, (height - top - FIT_PADDING) / this.picture.height);
+    const top = this.topPadding(zoomBelow(FIT_PADDING));
+    const zoom = zoomBelow(top);
+    const room = height - top - FIT_PADDING;
+    const pan = { x: (width - this.picture.width * zoom) / 2, y: top + (room - this.picture.height * zoom) / 2 };
     this.moveTo({ zoom, pan }, animate);
     this.fitted = true;
+    this.opened = this.held = false;
+  }
+
+  // Below the buttons where a picture of this size reaches under them.
+  topPadding(zoom) {
+    const isUnder = (this.box.clientWidth + this.picture.width * zoom) / 2 > this.box.clientWidth - BUTTONS.width;
+    return isUnder && !this.onPaper ? BUTTONS.height + BUTTONS_AIR : FIT_PADDING;
   }
 
   moveTo(view, animate) {
@@ -102,12 +142,12 @@ export class GraphCamera {
   }
 
   // Into the middle, large enough to be read.
-  showBox(box) {
+  showBox(box, least = 0.9) {
     const [width, height] = [this.box.clientWidth, this.box.clientHeight];
     const fitting = Math.min((width - 80) / box.width, (height - 80) / box.height);
-    const zoom = Math.min(Math.max(this.zoom, 0.9), Math.max(0.05, fitting), 1.3);
+    const zoom = Math.min(Math.max(this.zoom, least), Math.max(0.05, fitting), 1.3);
     const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
-    this.fitted = false;
+    this.release();
     this.moveTo({ zoom, pan: { x: width / 2 - x * zoom, y: height / 2 - y * zoom } }, true);
   }
 
@@ -120,9 +160,10 @@ export class GraphCamera {
       return low < from ? from + margin - low : to - margin - high;
     };
     const across = shift(box.x, box.x + box.width, view.left, view.right);
-    const along = shift(box.y, box.y + box.height, view.top, view.bottom);
+    const edge = BUTTONS.height / view.zoom; // above are buttons, below is the legend
+    const along = shift(box.y, box.y + box.height, view.top + edge, view.bottom - edge);
     if (!across && !along) return;
-    this.fitted = false;
+    this.release();
     const pan = { x: view.pan.x + across * view.zoom, y: view.pan.y + along * view.zoom };
     this.moveTo({ zoom: view.zoom, pan }, true);
   }
@@ -132,12 +173,12 @@ export class GraphCamera {
     const zoom = Math.min(LARGEST, Math.max(SMALLEST, this.zoom * factor));
     const scale = zoom / this.zoom;
     const pan = { x: at.x - (at.x - this.pan.x) * scale, y: at.y - (at.y - this.pan.y) * scale };
-    this.fitted = false;
+    this.hold();
     this.moveTo({ zoom, pan }, false);
   }
 
   moveBy(x, y) {
-    this.fitted = false;
+    this.hold();
     this.moveTo({ zoom: this.zoom, pan: { x: this.pan.x + x, y: this.pan.y + y } }, false);
   }
 
@@ -146,8 +187,25 @@ export class GraphCamera {
     this.moveBy((before.x - after.x) * this.zoom, (before.y - after.y) * this.zoom);
   }
 
+  // It shows a part of the picture that was chosen.
+  release() {
+    this.fitted = this.opened = false;
+  }
+
+  // Somebody moves it by hand.
+  hold() {
+    this.release();
+    this.held = true;
+  }
+
+  // Shows what happens in a run that goes on, unless somebody looks elsewhere.
+  follow(box) {
+    if (!this.held && !this.fitted) this.nudgeTo(box);
+  }
+
   resized() {
-    if (this.fitted) this.fit(false);
+    if (this.opened) this.reopen();
+    else if (this.fitted) this.fit(false);
     else this.hooks.onChange();
   }
 

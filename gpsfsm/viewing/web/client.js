@@ -12,6 +12,10 @@ const FIRST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 5000;
 const SILENCE_MS = 45000; // the service sends a comment at least every 10 seconds
 
+function beside(path) {
+  return new URL(`.${path}`, document.baseURI);
+}
+
 export class ServiceError extends Error {
   constructor(status, detail, problem) {
     super(detail);
@@ -23,7 +27,8 @@ export class ServiceError extends Error {
 }
 
 // `onConnection` is told "connected", "lost" or "token", whenever that changes.
-export function createClient({ onConnection, fetcher = (address, request) => fetch(address, request) }) {
+// Paths begin at the service, which a reverse proxy may show below a path of its own: /plant/v1/…
+export function createClient({ onConnection, fetcher = (path, request) => fetch(beside(path), request) }) {
   /** @type {(() => void)[]} */
   const waiting = [];
   const shared = { connection: "", token: storedToken(), probing: false };
@@ -297,7 +302,7 @@ const SAID = {
   "": ["…", "connecting", "open"],
   connected: ["●", "connected", "good"],
   lost: ["○", "connection lost", "bad"],
-  token: ["⚿", "token needed", "bad"],
+  token: ["●", "token needed", "ask"],
 };
 
 // hooks: onToken(text). -> {show, describe, toast, head}; `show` says whether the service is back.
@@ -328,27 +333,36 @@ export function mountConnection(root, { onToken }) {
     shared.away = state === "lost" || (shared.away && state !== "connected");
     const [sign, words, kind] = SAID[state];
     pill.className = `connection ${kind}`;
-    replaceContent(pill, el("span", { "aria-hidden": "true" }, sign), ` ${words}`);
+    replaceContent(pill, el("span", { "aria-hidden": "true" }, sign), el("span", { class: "connection-words" }, ` ${words}`));
+    pill.title = words;
     banner.hidden = state !== "lost" && state !== "token";
+    banner.classList.toggle("asks", state === "token");
     if (state === "lost") {
-      const words = "The service cannot be reached. What is shown stays; it is tried again, and the run goes on where it was.";
+      const words = "The service cannot be reached. The page keeps trying; a run continues where it was once the service is back.";
       replaceContent(banner, words);
     } else if (state === "token") {
       askForToken();
     }
-    if (again) toast("The service is there again.");
+    if (again) toast("The service is back.");
     return again;
   }
 
   function askForToken() {
     if (banner.contains(shared.form)) {
-      shared.refused.textContent = "This token was not accepted.";
+      shared.refused.textContent = "The service did not accept this token.";
       return;
     }
-    const field = el("input", { type: "password", autocomplete: "off", spellcheck: "false", "aria-label": "Token of the service" });
-    const send = el("button", { class: "button primary", type: "submit" }, "Use it");
+    const field = el("input", { type: "password", autocomplete: "off", spellcheck: "false", id: "service-token" });
+    const send = el("button", { class: "button primary", type: "submit" }, "Sign in");
     shared.refused.textContent = "";
-    const form = el("form", { class: "token-form" }, el("label", {}, "This service asks for a token: ", field), send, shared.refused);
+    const form = el(
+      "form",
+      { class: "token-form" },
+      el("label", { for: "service-token" }, "Token of the service"),
+      el("div", { class: "token-row" }, field, send),
+      shared.refused,
+      el("p", { class: "token-hint" }, "A line of the file that the service was started with: ", el("code", {}, "--token-file"), ". Closing this tab forgets it."),
+    );
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       if (field.value.trim()) onToken(field.value);

@@ -49,6 +49,15 @@ export function replaceContent(node, ...children) {
   return node;
 }
 
+// Tells of failures that nobody has caught. That a size is observed a frame later is none, though
+// browsers report it as one.
+export function onFailure(tell) {
+  addEventListener("error", (event) => {
+    if (event.error || !event.message.startsWith("ResizeObserver loop")) tell(event.message);
+  });
+  addEventListener("unhandledrejection", (event) => tell(String(event.reason)));
+}
+
 // Calls `draw` at most once per frame, however often the result is called.
 export function oncePerFrame(draw) {
   let asked = false;
@@ -75,6 +84,17 @@ export function debounce(work, wait) {
 export function clipText(text, length) {
   const points = Array.from(text.slice(0, 2 * length + 2));
   return points.length <= length ? text : points.slice(0, length - 1).join("") + "…";
+}
+
+// A path of which, where there is no room, the beginning is left out: its end says which file it is.
+export function pathWords(path) {
+  return el("bdi", { dir: "ltr" }, visibleText(path));
+}
+
+// The same as text, for what cannot hold elements.
+export function clipPath(path, length) {
+  const points = Array.from(path.slice(-2 * length - 2));
+  return points.length <= length ? path : "…" + points.slice(1 - length).join("");
 }
 
 // "1 runner", "2 runners"

@@ -3,7 +3,9 @@
 
 import { ServiceError } from "./client.js";
 import { counted, debounce, el, replaceContent, sign, visibleText } from "./dom.js";
+import { packText } from "./draftlink.js";
 import { createEditor } from "./editor.js";
+import { copyButton } from "./saving.js";
 import { unpack } from "./state.js";
 
 const QUIET_MS = 350;
@@ -43,10 +45,11 @@ export function speedChoice(label, chosen, onchange) {
   return el("select", { "aria-label": label, title: label, onchange }, options);
 }
 
-// hooks: onDocument(document), onCaretLine(line), onQueued(planAnswer), onWorld(name), onTrouble(text)
+// hooks: onDocument(document), onCaretLine(line), onQueued(planAnswer), onWorld(name), onTrouble(text),
+//   link(code): the address that opens a text, which draftlink.js has packed
 export function mountDraft(container, { client, service, hooks }) {
-  /** @type {{number: number, checking: AbortController | null, asking: AbortController | null, before: string, checked: any}} */
-  const shared = { number: 0, checking: null, asking: null, before: "", checked: null };
+  /** @type {{number: number, checking: AbortController | null, asking: AbortController | null, before: string, checked: any, code: string}} */
+  const shared = { number: 0, checking: null, asking: null, before: "", checked: null, code: "" };
   const status = el("p", { class: "draft-status", role: "status" });
   const name = el("input", {
     class: "draft-name",
@@ -56,19 +59,21 @@ export function mountDraft(container, { client, service, hooks }) {
     spellcheck: "false",
     "aria-label": "Name of the plan",
   });
-  const file = el("input", { type: "file", accept: ".xml,.txt,text/xml,text/plain", hidden: true });
+  const file = el("input", { type: "file", accept: ".xml,.json,.txt,text/xml,text/plain,application/json", hidden: true });
   const refusal = el("div", { class: "draft-refusal", role: "alert", hidden: true });
   const sheet = el("div", { class: "draft-sheet" });
   const task = taskPart();
   const start = startPart();
   const openButton = el("button", { class: "button", type: "button", onclick: () => file.click() }, "Open…");
   const example = el("button", { class: "button", type: "button", onclick: showExample }, "Example");
+  const link = copyButton("Copy link", "Copy link: it opens this text", () => hooks.link(shared.code));
+  link.hidden = true;
   container.append(
     task.row,
     el("div", { class: "draft-tools" }, name, openButton, example, file),
     sheet,
     refusal,
-    el("div", { class: "draft-foot" }, status, start.row),
+    el("div", { class: "draft-foot" }, el("div", { class: "draft-said" }, status, link), start.row),
   );
   const editor = createEditor(sheet, {
     onInput: edited,
@@ -109,6 +114,8 @@ export function mountDraft(container, { client, service, hooks }) {
     refuse("");
     keepSoon();
     shared.number += 1;
+    shared.code = "";
+    link.hidden = true;
     if (shared.checking) shared.checking.abort();
     if (!editor.text().trim()) {
       editor.setMarks([]);
@@ -129,8 +136,13 @@ export function mountDraft(container, { client, service, hooks }) {
     shared.checking = controller;
     try {
       const body = { plan, name: nameOf(name.value) || "plan.xml" };
+      const code = packText(plan).catch(() => ""); // an old browser packs nothing
       const found = unpack(await client.post("/v1/view", body, { signal: controller.signal }));
-      if (number === shared.number) checked(found);
+      const packed = await code;
+      if (number !== shared.number) return;
+      shared.code = packed;
+      link.hidden = !packed;
+      checked(found);
     } catch (error) {
       if (error.name === "AbortError" || number !== shared.number) return;
       notChecked(error, number);
@@ -170,7 +182,7 @@ export function mountDraft(container, { client, service, hooks }) {
       "aria-label": "Task",
       placeholder: service.model
         ? "Describe a task, and the model writes the plan."
-        : "No language model is named: start the service with --model.",
+        : "No language model: start the service with --model.",
       disabled: !service.model,
     });
     const button = el("button", { class: "button", type: "button", disabled: !service.model }, "Write a plan");
@@ -188,7 +200,7 @@ export function mountDraft(container, { client, service, hooks }) {
     const controller = new AbortController();
     shared.asking = controller;
     const since = Date.now();
-    task.button.textContent = "Stop asking";
+    task.button.textContent = "Stop writing";
     const tell = () => say(`${service.model} is writing: ${Math.round((Date.now() - since) / 1000)} s`, "busy");
     const clock = setInterval(tell, 1000);
     tell();
@@ -196,7 +208,7 @@ export function mountDraft(container, { client, service, hooks }) {
       const found = await client.post("/v1/generate", { task: wanted }, { signal: controller.signal });
       generated(found);
     } catch (error) {
-      if (error.name === "AbortError") say("The model is not asked any more.");
+      if (error.name === "AbortError") say("Stopped: no plan was written.");
       else refuse(`No plan was written: ${error.message}`);
       if (error.name !== "AbortError") say("");
     } finally {
@@ -213,33 +225,30 @@ export function mountDraft(container, { client, service, hooks }) {
       refuse(`No plan was accepted after ${attempts}.`, found.reasoning ? [found.reasoning] : []);
       return;
     }
-    shared.before = editor.text();
-    editor.setText(found.plan);
     name.value = "generated.xml";
+    replace(found.plan);
+  }
+
+  // The text that was there is not lost.
+  function replace(text) {
+    shared.before = editor.text();
+    editor.setText(text);
     edited();
-    if (shared.before.trim() && shared.before !== found.plan) offerBack();
+    if (shared.before.trim() && shared.before !== text) offerBack();
   }
 
   function offerBack() {
-    const back = el("button", { class: "button", type: "button" }, "Bring back the text before");
+    const back = el("button", { class: "button", type: "button" }, "Restore my text");
     back.addEventListener("click", () => {
       editor.setText(shared.before);
       edited();
     });
     refusal.hidden = false;
-    replaceContent(refusal, "The model's plan took the place of your text. ", back);
+    replaceContent(refusal, "The new plan replaced your text. ", back);
   }
 
   function showExample() {
-    if (editor.text().trim() && editor.text() !== EXAMPLE) {
-      shared.before = editor.text();
-      editor.setText(EXAMPLE);
-      edited();
-      offerBack();
-      return;
-    }
-    editor.setText(EXAMPLE);
-    edited();
+    replace(EXAMPLE);
   }
 
   // -- from a plan to a run -------------------------------------------------------------------
@@ -256,19 +265,19 @@ export function mountDraft(container, { client, service, hooks }) {
       min: 0,
       max: 2147483647,
       step: 1,
-      "aria-label": "Seed of chance",
-      title: "Seed of chance",
+      "aria-label": "Random seed",
+      title: "Random seed: the same seed gives the same outcomes",
     });
     const speed = speedChoice("Speed of the run", service.speed || 1);
     world.hidden = speed.hidden = service.real; // the world is the real one
     const held = el("input", { type: "checkbox" });
     const words = service.real ? "Run for real" : "Run";
-    const title = service.real ? "Let the robot run this plan (Ctrl+Enter)" : "Run this plan (Ctrl+Enter)";
+    const title = service.real ? "Run this plan on the robot (Ctrl+Enter)" : "Run this plan (Ctrl+Enter)";
     const button = el("button", { class: "button primary", type: "button", title }, [sign("play"), words]);
     button.addEventListener("click", run);
     if (!service.queue) {
       button.disabled = true;
-      button.title = "Nothing can be run: start the service with --journal";
+      button.title = "This service runs no plans: start it with --journal";
     }
     const row = el(
       "div",
@@ -276,7 +285,7 @@ export function mountDraft(container, { client, service, hooks }) {
       world,
       el("label", { class: "draft-label" }, "seed", seed),
       speed,
-      el("label", { class: "draft-label" }, held, "paused"),
+      el("label", { class: "draft-label" }, held, "start paused"),
       button,
     );
     return { row, world, seed, speed, held, button };
@@ -301,7 +310,7 @@ export function mountDraft(container, { client, service, hooks }) {
     try {
       hooks.onQueued(await client.post("/v1/plans", wanted));
     } catch (error) {
-      refuse(`It does not run: ${error.message}`, (error.problem && error.problem.rejected_list) || []);
+      refuse(`The plan was not started: ${error.message}`, (error.problem && error.problem.rejected_list) || []);
     } finally {
       start.button.disabled = false;
     }
@@ -318,6 +327,8 @@ export function mountDraft(container, { client, service, hooks }) {
   return {
     editor,
     run,
+    replace,
+    code: () => shared.code,
     world: () => start.world.value,
     // Checks again, since an answer may have been lost.
     recheck() {

@@ -5,9 +5,11 @@ import { el, replaceContent } from "./dom.js";
 import { mountFindings } from "./findings.js";
 import { mountGraph } from "./graph.js";
 import { bindPlayer, mountStoreBar } from "./playbar.js";
+import { planCopies } from "./saving.js";
 import { mountSource } from "./source.js";
 import { createStore } from "./state.js";
 import { makeTabs, tabPanel } from "./tabs.js";
+import { mountPlayTimeline } from "./timeline.js";
 import { mountTree } from "./tree.js";
 
 // What somebody has chosen and folded stays when the text changes; elements are known by their paths.
@@ -44,9 +46,10 @@ export function mountDraftStage(container) {
   container.append(empty, box, bar);
   /**
    * @type {{store: Store | null, graph: ReturnType<typeof mountGraph> | null,
-   *   bar: ReturnType<typeof mountStoreBar> | null, player: ReturnType<typeof bindPlayer> | null}}
+   *   timeline: ReturnType<typeof mountPlayTimeline> | null, bar: ReturnType<typeof mountStoreBar> | null,
+   *   player: ReturnType<typeof bindPlayer> | null}}
    */
-  const shared = { store: null, graph: null, bar: null, player: null };
+  const shared = { store: null, graph: null, timeline: null, bar: null, player: null };
   tell(null);
 
   function tell(store) {
@@ -56,15 +59,15 @@ export function mountDraftStage(container) {
     box.hidden = bar.hidden = !drawn;
     if (drawn) return;
     const words = plan
-      ? ["There is no automaton yet.", "What is wrong with the text stands below the editor."]
-      : ["No plan yet.", "Type one, drop a file, take the example, or let a model write one from a task."];
+      ? ["No automaton yet.", "The findings below the editor say what is wrong with the text."]
+      : ["No plan yet.", "Type a plan, drop a file, load the example, or let a model write one for a task."];
     replaceContent(empty, el("p", {}, el("strong", {}, words[0])), el("p", {}, words[1]));
   }
 
   function clear() {
-    for (const part of [shared.graph, shared.bar, shared.player]) if (part) part.destroy();
+    for (const part of [shared.graph, shared.timeline, shared.bar, shared.player]) if (part) part.destroy();
     if (shared.player) shared.player.release();
-    shared.graph = shared.bar = shared.player = null;
+    shared.graph = shared.timeline = shared.bar = shared.player = null;
     replaceContent(box);
     replaceContent(bar);
   }
@@ -82,6 +85,7 @@ export function mountDraftStage(container) {
       if (store) shared.player = bindPlayer(store);
       if (store && store.plan.automaton) {
         shared.graph = mountGraph(box, store);
+        shared.timeline = mountPlayTimeline(bar, store, shared.player);
         shared.bar = mountStoreBar(bar, store, shared.player);
       }
       return store;
@@ -98,8 +102,13 @@ export function mountDraftStage(container) {
 const PANES = [
   ["findings", "Findings", mountFindings],
   ["tree", "Tree", mountTree],
-  ["text", "Text", mountSource],
+  ["text", "Text", mountText],
 ];
+
+function mountText(container, store) {
+  container.append(planCopies(store));
+  return mountSource(container, store);
+}
 
 // -> {show(store, player)}: mounts the panes for another store; null shows that there is nothing.
 export function mountDetails(container) {
@@ -140,7 +149,7 @@ export function mountDetails(container) {
       for (const panel of panels) panel.textContent = "";
       Object.assign(shared, { store, player, mounted: [] });
       if (!store) {
-        for (const panel of panels) panel.append(el("p", { class: "nothing" }, "There is no plan yet."));
+        for (const panel of panels) panel.append(el("p", { class: "nothing" }, "No plan yet."));
         return;
       }
       mountChosen();

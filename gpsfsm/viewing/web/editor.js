@@ -49,7 +49,7 @@ export function createEditor(container, hooks) {
     autocapitalize: "off",
     autocomplete: "off",
     "aria-label": "Text of the plan",
-    placeholder: "Type or paste a plan, drop a file here, or describe a task above.",
+    placeholder: "Type or paste a plan,\nor drop a file here.",
   });
   const body = el("div", { class: "editor-body" }, gutter, el("div", { class: "editor-sheet" }, marksLayer, area));
   container.append(body);
@@ -178,7 +178,7 @@ export function createEditor(container, hooks) {
   async function takeFile(file) {
     if (!file) return;
     if (file.size > MOST_BYTES) {
-      hooks.onTrouble(`${file.name} has more than 1 MiB; that is too long for a plan.`);
+      hooks.onTrouble(`${file.name} is larger than 1 MiB: too long for a plan.`);
       return;
     }
     try {

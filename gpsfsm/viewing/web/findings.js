@@ -1,7 +1,8 @@
 // The list of findings, and above it the task: filters, explanations, related places, stories and what plays them.
 
 import { clipText, counted, el, oncePerFrame, replaceContent, visibleText } from "./dom.js";
-import { drawEnd, openPlayAt, storyItem } from "./playbar.js";
+import { drawEnd, markSentence, openPlayAt, storyItem } from "./playbar.js";
+import { findingCopies } from "./saving.js";
 import { SEVERITIES } from "./words.js";
 
 const FILTERS = ["error", "warning", "info", "suppressed"];
@@ -138,7 +139,7 @@ function filterButton(store, parts, name) {
       id: `${parts.prefix}-filter-${name}`,
       class: ["filter", name, !count && "none"],
       "aria-pressed": String(on),
-      title: `${on ? "Hide" : "Show"} ${name === "suppressed" ? "what was suppressed" : `findings of severity ${name}`}`,
+      title: `${on ? "Hide" : "Show"} ${name === "suppressed" ? "suppressed findings" : `findings of severity ${name}`}`,
       onclick: () => store.set({ severities: { ...store.state.severities, [name]: !on } }),
     },
     el("span", { class: `badge ${name}`, "aria-hidden": "true" }, letter),
@@ -175,14 +176,14 @@ function drawMore(store, player, parts, count) {
 
 function leftOut({ plays_left_out: count }) {
   if (!count) return null;
-  const words = `${counted(count, "scenario is", "scenarios are")} told but cannot be played here.`;
+  const words = `${counted(count, "scenario is", "scenarios are")} described but cannot be played here.`;
   return el("p", { class: "nothing" }, words);
 }
 
 function emptyWords(store) {
   const { findings, verdict } = store.plan;
-  if (findings.length) return "No finding is shown: see the filters above.";
-  return verdict === "undecided" ? "The plan is undecided." : "Nothing was found.";
+  if (findings.length) return "The filters above hide all findings.";
+  return verdict === "undecided" ? "The plan is undecided." : "No findings.";
 }
 
 function findingItem(store, player, parts, number) {
@@ -257,6 +258,7 @@ function bodyOf(store, player, parts, finding, number, id) {
     storyOfFinding(store, player, finding, number),
     finding.suppressed && suppressedBy(finding),
     ruleHelp(store, parts, finding, number, id),
+    findingCopies(store, number),
   ];
 }
 
@@ -324,20 +326,20 @@ function ruleHelp(store, parts, finding, number, id) {
     el("summary", { id: `${id}-rule` }, `Why ${finding.rule}?`),
     el("p", {}, el("strong", {}, `${finding.rule} ${rule.name}`), `: ${rule.summary}`),
     el("p", {}, rule.why),
-    el("p", { class: "command" }, el("code", {}, `gpsfsm rule ${finding.rule}`)),
+    el("p", { class: "command" }, el("code", {}, `gpsfsm explain ${finding.rule}`)),
   );
 }
 
-// Marks the sentence that the player tells.
+// Marks the sentences of the play that happen in the step that is shown, and those before.
 function markStory(list, store, player) {
   const { play, playOrigin } = store.state;
-  const current = play ? player.storyLine : -1;
+  const story = play ? player.story : [];
   for (const item of list.querySelectorAll(".finding.selected, .finding.playing")) {
     const number = Number(item.dataset.finding);
     const isPlayed = play && store.plan.plays[store.plan.findings[number].play] === play;
     const own = isPlayed || (playOrigin && playOrigin.index === number && playOrigin.kind === "finding");
     item.querySelectorAll(".story li").forEach((line, place) => {
-      line.classList.toggle("current", Boolean(own) && place === current);
+      markSentence(line, own ? story[place] : "");
     });
   }
 }

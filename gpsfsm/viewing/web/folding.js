@@ -60,6 +60,7 @@ export function closeGaps(picture, spines) {
     const [x, y] = [toX(box.x), toY(box.y)];
     Object.assign(box, { width: toX(box.x + box.width) - x, height: toY(box.y + box.height) - y, x, y });
   }
+  for (const group of picture.groups) group.spine = toX(group.spine);
   for (const edge of picture.edges) edge.route = straightened(edge.route.map(([x, y]) => [toX(x), toY(y)]));
   Object.assign(picture, { width: toX(picture.width), height: toY(picture.height) });
   shrinkFolded(picture, spines, toX);

@@ -4,11 +4,15 @@
 // mountGraph(container, store) -> {fit, show, setStates, redraw, destroy, element, camera}
 //   setStates(states: Map(node -> {state, count}), taken: Set(edge))   also taken from the store
 
-import { GraphCamera } from "./camera.js";
-import { el } from "./dom.js";
+import { GOOD_TO_READ, GraphCamera } from "./camera.js";
+import { el, themeColor } from "./dom.js";
+import { graphLegend } from "./legend.js";
+import { blocksOf, mountMinimap } from "./overview.js";
+import { NAMES_FROM } from "./paint.js";
 import { emptyPicture, makePicture } from "./picture.js";
+import { saveButtons } from "./saving.js";
 import { GraphScreen } from "./screen.js";
-import { EVENTS, STATES, worstSeverity } from "./words.js";
+import { worstSeverity } from "./words.js";
 
 const SMALLEST_READABLE = 0.4;
 const TOGGLE_WIDTH = 24;
@@ -22,10 +26,12 @@ export function mountGraph(container, store) {
     camera: pane.camera,
     fit: () => pane.camera.fit(),
     show: (node) => pane.showNode(node),
+    follow: (node) => pane.followNode(node),
     showSelection: () => pane.showSelection(),
     setStates: (states, taken) => pane.setStates(states, taken),
     redraw: () => pane.screen.redraw(),
     picture: () => pane.picture,
+    blocks: (picture, zoom) => blocksOf(picture, zoom).blocks,
     destroy: () => pane.destroy(),
   };
 }
@@ -45,11 +51,13 @@ class GraphPane {
     this.store = store;
     this.touch = el("div", { class: "graph-touch" });
     this.empty = el("p", { class: "graph-empty", hidden: true });
+    this.legend = graphLegend();
+    this.minimap = mountMinimap(this);
     this.box = el(
       "div",
       { class: "graph", role: "application", tabindex: "0", "aria-label": "Automaton" },
       this.touch, this.empty,
-      graphTools(store, this), graphLegend(store.plan.automaton),
+      graphTools(store, this), this.legend.element, this.minimap.element,
     );
     this.screen = new GraphScreen(this.box, () => this.pointers());
     this.box.prepend(...this.screen.elements);
@@ -58,8 +66,13 @@ class GraphPane {
     this.taken = store.state.taken;
     /** @type {number | null} */
     this.anchor = null; // the group that is folded or unfolded: it stays where it is
+    /** @type {{pan: {x: number, y: number}, zoom: number, fitted: boolean, opened: boolean} | null} */
+    this.viewBefore = null; // the one before printing
     this.camera = new GraphCamera(this.box, this.touch, {
-      onChange: () => this.screen.viewChanged(),
+      onChange: () => {
+        this.screen.viewChanged();
+        this.minimap.move();
+      },
       onHover: (target) => this.hover(target),
       onTap: (target, point) => this.tap(target, point),
       onDoubleTap: (target) => target.group >= 0 && target.kind !== "folded" && this.toggle(target.group),
@@ -74,7 +87,11 @@ class GraphPane {
     const { store } = this;
     this.box.addEventListener("keydown", (event) => this.key(event));
     const theme = matchMedia("(prefers-color-scheme: dark)");
-    const recolor = () => this.screen.recolor();
+    const recolor = () => {
+      this.screen.recolor();
+      this.legend.recolor();
+      this.minimap.recolor();
+    };
     theme.addEventListener("change", recolor);
     const themed = new MutationObserver(recolor);
     themed.observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
@@ -82,14 +99,15 @@ class GraphPane {
     sized.observe(this.box);
     const print = () => this.print();
     const paper = matchMedia("print"); // its colours are there only when this changes
+    const printed = () => (paper.matches ? this.print() : this.printed());
     addEventListener("beforeprint", print);
-    paper.addEventListener("change", print);
+    paper.addEventListener("change", printed);
     this.stops = [
       () => theme.removeEventListener("change", recolor),
       () => themed.disconnect(),
       () => sized.disconnect(),
       () => removeEventListener("beforeprint", print),
-      () => paper.removeEventListener("change", print),
+      () => paper.removeEventListener("change", printed),
       store.subscribe(["plan"], () => this.changePlan()),
       store.subscribe(["collapsed", "layout"], (state, changed) => changed.has("plan") || this.refold()),
       store.subscribe(["element", "node", "finding"], () => this.follow()),
@@ -104,8 +122,9 @@ class GraphPane {
     const { automaton } = this.store.plan;
     this.empty.hidden = Boolean(automaton);
     this.touch.hidden = !automaton;
+    this.box.classList.toggle("without", !automaton);
     if (!automaton) {
-      this.empty.textContent = "No automaton: the text has errors. The findings say what to mend.";
+      this.empty.textContent = "No automaton: the text has errors. The findings explain what to fix.";
       this.picture = emptyPicture();
     } else {
       this.picture = makePicture(automaton, this.store.state.collapsed, this.store.state.layout);
@@ -118,8 +137,11 @@ class GraphPane {
     this.edgesAt = edgesByItem(this.picture);
     this.camera.setPicture(this.picture);
     for (const [number, severity] of this.findings) this.picture.items[number].finding = severity;
+    for (const group of this.picture.groups) group.finding = this.groupFindings.get(group.element);
     this.showRun();
     this.screen.setPicture(this.picture);
+    this.legend.show(this.picture);
+    this.minimap.show(this.picture);
   }
 
   // The worst severity per item, and per element that is drawn as an open group.
@@ -151,6 +173,14 @@ class GraphPane {
     return found;
   }
 
+  // With those of what is inside a node of a behaviour tree, which is drawn as no group.
+  itemsIn(element) {
+    const { automaton, elements } = this.store.plan;
+    if (!automaton?.flat || element < 1 || elements[element]?.kind === "runner") return this.itemsOf(element);
+    const inside = this.store.index.childrenOf(element);
+    return new Set(inside.flatMap((one) => [...this.itemsOf(one), ...this.itemsIn(one)]));
+  }
+
   foldedAround(group) {
     let folded = -1;
     for (let at = group; at >= 0; at = this.store.index.groups[at].parent) {
@@ -170,7 +200,9 @@ class GraphPane {
     const taken = new Set();
     for (const edge of this.taken) if (edgeOf[edge] !== undefined) taken.add(edgeOf[edge]);
     const isShown = this.store.state.play || this.states.size;
-    this.screen.setRun(isShown ? this.itemStates() : null, taken);
+    const states = isShown ? this.itemStates() : null;
+    this.screen.setRun(states, taken);
+    this.minimap.setRun(states);
   }
 
   resized() {
@@ -181,17 +213,22 @@ class GraphPane {
   pointers() {
     const { state } = this.store;
     const { itemOf } = this.picture;
-    const selected = state.element >= 0 ? this.itemsOf(state.element) : new Set();
+    const selected = state.element >= 0 ? this.itemsIn(state.element) : new Set();
     if (state.node >= 0 && itemOf[state.node] >= 0) selected.add(itemOf[state.node]);
     const hoveredItems =
       state.hoveredNode >= 0
         ? new Set([itemOf[state.hoveredNode]])
-        : state.hovered >= 0 ? this.itemsOf(state.hovered) : new Set();
+        : state.hovered >= 0 ? this.itemsIn(state.hovered) : new Set();
     const near = new Set();
+    const addEdges = (items) => {
+      for (const edge of [...items].flatMap((item) => this.edgesAt.get(item) || [])) {
+        // Those without a route are drawn for one item; for many they would hide all.
+        if (items.size < 2 || this.picture.edges[edge].route.length) near.add(edge);
+      }
+    };
     // While a run is shown, bold edges are those that were taken, and not those of the selection.
-    for (const item of [...(state.play ? [] : selected), ...hoveredItems]) {
-      for (const edge of this.edgesAt.get(item) || []) near.add(edge);
-    }
+    if (!state.play) addEdges(selected);
+    addEdges(hoveredItems);
     return {
       selected, hoveredItems, near, element: state.element, hovered: state.hovered,
       findings: this.findings, groupFindings: this.groupFindings,
@@ -201,7 +238,7 @@ class GraphPane {
   // A folded group shows the most telling state of what is in it.
   itemStates() {
     const found = new Map();
-    const order = ["running", "failed", "timeout", "triggered", "waiting", "stopped", "succeeded", "fired", "never"];
+    const order = ["running", "failed", "timeout", "stuck", "triggered", "waiting", "stopped", "succeeded", "fired", "never"];
     this.picture.items.forEach((item, number) => {
       if (item.node >= 0) {
         const state = this.states.get(item.node);
@@ -224,13 +261,18 @@ class GraphPane {
     if (item) this.camera.showBox(item.box);
   }
 
+  followNode(node) {
+    const item = this.picture.items[this.picture.itemOf[node]];
+    if (item) this.camera.follow(item.box);
+  }
+
   // The box of what is selected: that of a control, or else of a node; null if nothing is.
   selectedBox() {
     const { element, node } = this.store.state;
     const { groups, items, itemOf } = this.picture;
     const group = element > 0 && groups.find((one) => one.element === element);
     if (group) return group.box;
-    const item = items[itemOf[node]] || (element > 0 && items[[...this.itemsOf(element)][0]]);
+    const item = items[itemOf[node]] || (element > 0 && items[[...this.itemsIn(element)][0]]);
     return item ? item.box : null;
   }
 
@@ -289,8 +331,8 @@ class GraphPane {
     if (!box) return;
     const isPlaying = this.store.state.from === "player";
     if (isPlaying && this.camera.fitted) return; // all of it is in view
-    if (isPlaying || this.camera.zoom >= SMALLEST_READABLE) this.camera.nudgeTo(box);
-    else this.camera.showBox(box);
+    if (this.camera.zoom >= (isPlaying ? NAMES_FROM : SMALLEST_READABLE)) this.camera.nudgeTo(box);
+    else this.camera.showBox(box, isPlaying ? GOOD_TO_READ : undefined);
   }
 
   hover(target) {
@@ -336,12 +378,39 @@ class GraphPane {
     if (group >= 0) this.toggle(group);
   }
 
-  // Printed is the whole picture.
+  // Printed is the whole picture, in a box of its form.
   print() {
-    this.camera.resized();
+    const { pan, zoom, fitted, opened } = this.camera;
+    if (!this.viewBefore) this.viewBefore = { pan, zoom, fitted, opened };
+    this.box.style.setProperty("--form", `${this.picture.width + 48} / ${this.picture.height + 48}`);
+    this.camera.onPaper = true;
     this.camera.fit(false);
+    this.screen.onPaper = true;
     this.screen.recolor();
     this.screen.paint();
+  }
+
+  // The view is what it was.
+  printed() {
+    const { viewBefore } = this;
+    this.viewBefore = null;
+    this.camera.onPaper = false;
+    if (viewBefore) {
+      this.camera.setView(viewBefore);
+      this.camera.fitted = viewBefore.fitted;
+      this.camera.opened = viewBefore.opened;
+    }
+    this.screen.onPaper = false;
+    this.screen.recolor();
+  }
+
+  // With the pen of a file: what is selected stays, what is pointed at does not.
+  paintSaved(pen, view) {
+    this.screen.paintAll(pen, view, { hoveredItems: new Set(), hovered: -1 });
+  }
+
+  paper() {
+    return themeColor("--graph-paper");
   }
 
   destroy() {
@@ -368,7 +437,7 @@ function edgesByItem(picture) {
   return found;
 }
 
-// -- its buttons and its legend -----------------------------------------------------------------
+// -- its buttons -------------------------------------------------------------------------------
 
 function toolButton(sign, title, onclick) {
   return el("button", { type: "button", class: "tool", title, "aria-label": title, onclick }, sign);
@@ -398,6 +467,7 @@ export function graphTools(store, pane) {
     toolButton("⊞", "Unfold everything", () => unfold(store)),
     depthChooser(store),
     layered,
+    saveButtons(pane, () => store.plan.name),
   );
 }
 
@@ -437,28 +507,4 @@ export function unfold(store) {
     shown += inLevel[depth];
   }
   store.collapseToDepth(depth);
-}
-
-export function graphLegend(automaton) {
-  const line = (event) =>
-    el(
-      "li",
-      {},
-      el("span", { class: `legend-line legend-${EVENTS[event].line} event-${event.toLowerCase()}` }),
-      EVENTS[event].word,
-    );
-  const state = (name) =>
-    el("li", {}, el("span", { class: `state state-${name}` }, STATES[name].sign), STATES[name].word);
-  return el(
-    "details",
-    { class: "graph-legend" },
-    el("summary", {}, "Legend"),
-    el(
-      "ul",
-      {},
-      ["SUCCEEDED", "FAILED", "STARTED", "STOPPED", ...(automaton?.flat ? ["STOPS"] : [])].map(line),
-      el("li", {}, el("span", { class: "legend-open" }), "leads nowhere"),
-      ["triggered", "running", "succeeded", "failed", "timeout", "stopped", "waiting", "never", "reached"].map(state),
-    ),
-  );
 }

@@ -138,8 +138,11 @@ export class RunHistory {
   _end(record, frame) {
     this._over = true;
     this.ended = (record.data && record.data.status) || "ENDED";
+    const isStuck = this.ended === "STUCK" || this.ended === "HANG";
     this.automaton.nodes.forEach((node, number) => {
+      const { state, count } = this._stateOf(number);
       if (!this._head.has(number)) this._set(number, "never", 0, frame);
+      else if (isStuck && state === "waiting") this._set(number, "stuck", count, frame);
     });
   }
 

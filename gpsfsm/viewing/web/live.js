@@ -2,10 +2,12 @@
 // looked at again. This module is the entry: it builds the page and leads from one part to another.
 
 import { ServiceError, createClient, mountConnection } from "./client.js";
-import { debounce, el, oncePerFrame, prefersLessMotion, replaceContent } from "./dom.js";
+import { debounce, el, onFailure, oncePerFrame, prefersLessMotion, replaceContent } from "./dom.js";
 import { mountDraft } from "./draft.js";
+import { unpackText } from "./draftlink.js";
 import { mountDetails, mountDraftStage } from "./draftview.js";
 import { stepFinding } from "./findings.js";
+import { LINK_REFUSED, bindAddress, elementKey, elementOfKey, findingKey, findingOfKey } from "./fragment.js";
 import { bindKeys, helpDialog } from "./keys.js";
 import { goalsOf, knownWorlds } from "./map.js";
 import { mountOperator } from "./operator.js";
@@ -47,10 +49,14 @@ class Page {
   draftStage;
   /** @type {ReturnType<typeof mountRuns>} */
   runs;
+  /** @type {HTMLElement} */
+  said;
   /** @type {ReturnType<typeof mountOperator> | null} */
   operator = null;
   /** @type {ReturnType<typeof mountDraft>} */
   draft;
+  /** @type {ReturnType<typeof bindAddress>} */
+  address;
   // Of the run that is shown.
   /** @type {Watch | null} */
   watch = null;
@@ -65,6 +71,8 @@ class Page {
   constructor(root) {
     this.root = root;
     this.draftDocument = null;
+    /** @type {any} */
+    this.wanted = null; // what of a draft a link asks for
     this.opening = 0;
     this.drawSide = oncePerFrame(() => this.side.update());
     this.connection = mountConnection(root, {
@@ -102,7 +110,7 @@ class Page {
       this.service = await this.client.get("/v1/service");
     } catch (error) {
       if (!(error instanceof ServiceError)) throw error;
-      if (error.status !== 0 && error.status !== 401) this.connection.toast(`The page cannot begin: ${error.message}.`);
+      if (error.status !== 0 && error.status !== 401) this.connection.toast(`The page cannot start: ${error.message}.`);
       return;
     } finally {
       this.beginning = false;
@@ -138,7 +146,8 @@ class Page {
       mountSplitter(main, "--right", -1),
       side,
     );
-    this.root.append(main);
+    this.said = el("p", { class: "unseen", role: "status" });
+    this.root.append(main, this.said);
     this.connection.describe(service);
     if (service.real) this.operator = mountOperator(this.connection.head, { client, onTrouble: (text) => this.trouble(text) });
     this.worlds = knownWorlds(client, service, (text) => this.trouble(text));
@@ -159,13 +168,82 @@ class Page {
         onQueued: (answer) => this.queued(answer),
         onWorld: () => this.shown === "draft" && this.showDraftWorld(),
         onTrouble: (text) => this.trouble(text),
+        link: (draft) => this.address.link({ draft }),
       },
     });
-    if (!service.queue) replaceContent(runs, el("p", { class: "nothing" }, "There are no runs: start the service with --journal."));
+    if (!service.queue) replaceContent(runs, el("p", { class: "nothing" }, "This service runs no plans. Start it with --journal FILE to run plans here."));
     this.left.choose("write");
     this.stageTabs.choose("draft");
-    const asked = /^#run=(\d{1,9})$/.exec(location.hash);
-    if (asked && service.queue) this.openRun(Number(asked[1]));
+    this.address = bindAddress({
+      names: ["run", "at", "draft", "finding", "element"],
+      state: () => this.linked(),
+      show: (values) => this.showLinked(values),
+      refuse: () => this.trouble(LINK_REFUSED),
+    });
+    this.address.open();
+  }
+
+  // -- its address: a run, the time of it that is looked at, and a finding or an element of its plan; or
+  // the text of a draft, which is then as any other text, so that the address forgets it
+
+  linked(number = this.watch?.store?.state.finding ?? -1) {
+    const { watch } = this;
+    if (!watch) return {};
+    const isPast = !watch.attached && watch.at < watch.length;
+    return {
+      run: watch.info.run,
+      at: isPast ? Math.round(watch.at) : undefined,
+      ...(watch.store && this.chosen(watch.store, number)),
+    };
+  }
+
+  chosen({ plan, state }, number) {
+    const finding = findingKey(plan, number);
+    return { finding, element: finding ? undefined : elementKey(plan, state.element) };
+  }
+
+  // Selects them; false if one is not there.
+  choose(store, { finding = "", element = "" }) {
+    const number = finding ? findingOfKey(store.plan, finding) : -1;
+    if (number !== store.state.finding) store.selectFinding(number);
+    const place = element ? elementOfKey(store.plan, element) : -1;
+    if (place >= 0) store.selectElement(place, "link");
+    return (!finding || number >= 0) && (!element || place >= 0);
+  }
+
+  // A promise of false if something of it is not there.
+  async showLinked({ run = "", at = "", draft = "", ...chosen }) {
+    if (draft) return !run && !at && this.showDraft(draft, chosen);
+    if (!run) {
+      if (this.watch) this.stageTabs.choose("draft");
+      return !at && !chosen.finding && !chosen.element;
+    }
+    if (!this.service.queue) return false;
+    const number = Number(run);
+    if (this.watch?.info.run !== number) await this.openRun(number);
+    const { watch } = this;
+    if (watch?.info.run !== number) return true; // why is said already
+    this.stageTabs.choose("run");
+    if (at) watch.seek(Number(at));
+    else watch.attach();
+    const { store } = watch;
+    const isThere = store ? this.choose(store, chosen) : !chosen.finding && !chosen.element;
+    return isThere && Number(at || 0) <= watch.length;
+  }
+
+  async showDraft(code, chosen) {
+    let text = "";
+    try {
+      text = await unpackText(code);
+    } catch {
+      return false;
+    }
+    this.left.choose("write");
+    this.stageTabs.choose("draft");
+    this.wanted = chosen; // once it is checked
+    this.draft.replace(text);
+    setTimeout(() => this.address.write());
+    return true;
   }
 
   // The store whose plan is in the middle.
@@ -218,11 +296,14 @@ class Page {
     const store = this.draftStage.show(found);
     if (store) {
       store.subscribe(["element", "line", "finding"], (state) => this.selected(store, state));
+      if (this.draft.code()) store.link = (place) => this.address.link({ draft: this.draft.code(), finding: findingKey(store.plan, place) });
     }
     if (this.shown === "draft") {
       this.showPlan(store, this.draftPlayer());
       this.showDraftWorld();
     }
+    if (store && this.wanted && !this.choose(store, this.wanted)) this.trouble(LINK_REFUSED);
+    if (store) this.wanted = null;
   }
 
   // What is chosen in another pane is shown in the editor.
@@ -255,7 +336,7 @@ class Page {
     let told = false;
     while (found.run === null && isOpen(found.status) && ticket === this.opening) {
       if (!told && found.status === "QUEUED" && found !== answer) {
-        this.trouble(`Plan ${found.plan_id} waits in the queue.`);
+        this.trouble(`Plan ${found.plan_id} is waiting in the queue.`);
         told = true;
       }
       await new Promise((done) => setTimeout(done, QUEUE_POLL_MS));
@@ -317,11 +398,18 @@ class Page {
       onNext: (run) => this.openRun(run, { beside: true, follow: true }),
     });
     if (previous) this.compare(previous, watch);
-    history.replaceState(null, "", `#run=${number}`);
+    const { store } = watch;
+    if (store) {
+      store.link = (place) => this.address.link(this.linked(place));
+      store.subscribe(["finding"], (state) => this.address.write(state.finding >= 0));
+      store.subscribe(["element"], () => this.address.writeSoon());
+    }
+    this.address.write(true);
     this.runs.choose(number);
     this.stageTabs.buttons[1].disabled = false;
     this.stageTabs.buttons[1].textContent = `Run ${number}`;
     this.stageTabs.choose("run");
+    this.bringIntoView();
     this.name();
     this.runs.refresh();
     this.animate();
@@ -348,7 +436,7 @@ class Page {
   }
 
   showRunWorld(watch) {
-    const real = watch.real ? "where the robot says it is" : "";
+    const real = watch.real ? "position reported by the robot" : "";
     const title = watch.info.world_at ? watch.info.world_at.title : real;
     this.side.show(watch, watch.scene, title, goalsOf(watch.store ? watch.store.plan : null));
   }
@@ -356,6 +444,7 @@ class Page {
   changed(watch, what) {
     if (watch !== this.watch || !this.stage) return;
     this.stage.update(what);
+    if (what === "time" && !watch.attached) this.address.writeSoon();
     this.name();
     if (what === "trouble") this.trouble(watch.trouble);
     if (what === "status" && !watch.running) {
@@ -366,10 +455,18 @@ class Page {
     this.animate();
   }
 
-  // The tab of the browser says how the run stands.
+  // The tab of the browser says how the run stands, and so do screen readers.
   name() {
     const { watch } = this;
-    document.title = watch ? `Run ${watch.info.run}: ${statusWord(watch.state)} – gpsfsm` : "gpsfsm";
+    const words = watch ? `Run ${watch.info.run}: ${statusWord(watch.state)}` : "";
+    document.title = words ? `${words} – gpsfsm` : "gpsfsm";
+    if (this.said.textContent !== words) this.said.textContent = words;
+  }
+
+  // On a small screen the stage may lie far below what was clicked.
+  bringIntoView() {
+    const { list } = this.stageTabs;
+    if (list.getBoundingClientRect().top > innerHeight / 2) list.scrollIntoView({ block: "start" });
   }
 
   edit(watch) {
@@ -408,7 +505,7 @@ class Page {
     try {
       await this.client.follow("/v1/queue/events", { after: "now", signal: new AbortController().signal, onEvent });
     } catch (error) {
-      this.trouble(`The queue cannot be followed: ${error.message}.`);
+      this.trouble(`The page cannot follow the queue: ${error.message}.`);
     }
   }
 
@@ -447,11 +544,11 @@ export function mountLiveKeys(page) {
     { key: "/", word: "search", run: () => page.search && page.search.focus() },
     { key: "n", word: "next finding", run: onStore((store) => stepFinding(store, 1)) },
     { key: "p", word: "previous finding", run: onStore((store) => stepFinding(store, -1)) },
-    { key: " ", word: "pause the run or let it go on; play or stop what is looked at again", run: toggle },
+    { key: " ", word: "pause or resume the run; play or stop a replay", run: toggle },
     { key: ".", word: "step forward", run: forward(1) },
     { key: ",", word: "step back", run: forward(-1) },
-    { key: "l", word: "show what happens now", run: onRun((_, watch) => watch.attach()) },
-    { key: "x", word: "let the selected runner fail, if it is running", run: onRun((stage) => stage.failSelected()) },
+    { key: "l", word: "follow the run live", run: onRun((_, watch) => watch.attach()) },
+    { key: "x", word: "make the selected runner fail, if it is running", run: onRun((stage) => stage.failSelected()) },
     { key: "f", word: "show the whole automaton", run: () => page.graph() && page.graph().fit() },
     { key: "1", word: "to the findings", run: () => page.details.choose("findings", true) },
     { key: "2", word: "to the tree", run: () => page.details.choose("tree", true) },
@@ -505,7 +602,7 @@ export function watchRegeneration({ client, watch, follow, service, tell, onNext
     const { regeneration } = found;
     if (found.continued_by_run) {
       const attempts = regeneration ? regeneration.attempts.map(attemptLine) : [];
-      tell(`The plan gave up; run ${found.continued_by_run} goes on from here.`, attempts);
+      tell(`The plan gave up; run ${found.continued_by_run} continues from here.`, attempts);
       watch.info.continued_by_run = found.continued_by_run;
       if (follow) onNext(found.continued_by_run);
       return true;
@@ -513,13 +610,13 @@ export function watchRegeneration({ client, watch, follow, service, tell, onNext
     if (!regeneration) return !service.regenerates;
     const lines = regeneration.attempts.map(attemptLine);
     if (regeneration.accepted === false) {
-      tell(`The plan gave up, and no other goes on: ${regeneration.message || "no answer was accepted"}.`, lines);
+      tell(`The plan gave up, and no other plan continues: ${regeneration.message || "no answer was accepted"}.`, lines);
       return true;
     }
     if (regeneration.accepted === null) {
-      tell(`The plan gave up. ${regeneration.model} is asked how to go on from here …`, lines);
+      tell(`The plan gave up. Asking ${regeneration.model} for a plan that continues from here …`, lines);
     } else {
-      tell("The plan gave up. A new plan is accepted and begins at once …", lines);
+      tell("The plan gave up. A new plan was accepted and starts now …", lines);
     }
     return false;
   }
@@ -535,6 +632,5 @@ export function watchRegeneration({ client, watch, follow, service, tell, onNext
 }
 
 const page = new Page(document.getElementById("gpsfsm-live"));
-addEventListener("error", (event) => page.trouble(`Something in the page went wrong: ${event.message}.`));
-addEventListener("unhandledrejection", (event) => page.trouble(`Something in the page went wrong: ${event.reason}.`));
+onFailure((text) => page.trouble(`An error in this page: ${text}.`));
 page.begin();

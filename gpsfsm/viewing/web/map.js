@@ -13,8 +13,8 @@ const BUBBLE_LETTERS = 30;
 const BUBBLE_LINES = 3;
 const MOST_GRID_LINES = 60;
 const NUMBERED_GOALS = 30;
-const NO_WORLD = "Nothing to draw: no world is simulated, and no robot says where it is.";
-const NO_PLACE = "The robot has not said where it is.";
+const NO_WORLD = "No map: no world is simulated, and no robot reports its position.";
+const NO_PLACE = "The robot has not reported its position yet.";
 
 // Breaks a text into at most `most` lines of `width` letters.
 export function wrapped(text, width, most) {
@@ -62,8 +62,8 @@ function pathOf(view, points) {
 }
 
 // Finds free room for labels: the first side of a thing where its label covers no other, and none of
-// the signs at `points`.
-function labelPlacer(width, height, points) {
+// the signs at `points`; it crosses the walls of the world only if there is no other room.
+function labelPlacer(width, height, points, inner) {
   const taken = points.map(([x, y]) => ({ x: x - 6, y: y - 8, width: 12, height: 14 }));
   const free = (box) =>
     box.x >= 0 &&
@@ -85,14 +85,11 @@ function labelPlacer(width, height, points) {
       { x: x - wide / 2, y: y - gap - 14 },
       { x: x - wide / 2, y: y + gap },
     ];
-    for (const side of sides) {
-      const box = { ...side, width: wide, height: 14 };
-      if (free(box)) {
-        taken.push(box);
-        return { x: box.x + 2, y: box.y + 11 };
-      }
-    }
-    return null;
+    const boxes = sides.map((side) => ({ ...side, width: wide, height: 14 })).filter(free);
+    const box = boxes.find((each) => each.x >= inner.left && each.x + wide <= inner.right) || boxes[0];
+    if (!box) return null;
+    taken.push(box);
+    return { x: box.x + 2, y: box.y + 11 };
   };
 }
 
@@ -165,7 +162,8 @@ export function createMap(container, { onElement = () => {} } = {}) {
   function drawStill(world) {
     const { view } = shared;
     const signs = [...world.places, ...world.things, ...shared.goals];
-    const place = labelPlacer(...shared.size, signs.map((each) => [view.x(each.x), view.y(each.y)]));
+    const inner = { left: view.x(world.area[0]), right: view.x(world.area[2]) };
+    const place = labelPlacer(...shared.size, signs.map((each) => [view.x(each.x), view.y(each.y)]), inner);
     shared.zoneLabels = [];
     const zones = world.zones.map((zone) => {
       const [x0, y0, x1, y1] = zone.box;
@@ -235,7 +233,7 @@ export function createMap(container, { onElement = () => {} } = {}) {
     replaceContent(above, scene.spokenAt(at).map(bubble));
     const there = people.map((each) => each.name).join(", ");
     const closed = [...shut].map((number) => world.zones[number].name).join(", ");
-    const where = pose ? `the robot is at x ${pose.x.toFixed(1)}, y ${pose.y.toFixed(1)}` : "nobody knows where the robot is";
+    const where = pose ? `the robot is at x ${pose.x.toFixed(1)}, y ${pose.y.toFixed(1)}` : "the position of the robot is unknown";
     picture.setAttribute(
       "aria-label",
       `Map of ${world.title}: ${where}${there ? `; people: ${there}` : ""}${closed ? `; closed: ${closed}` : ""}`,

@@ -11,7 +11,7 @@ const LONGEST_STOP_MS = 15000;
 export function mountOperator(head, { client, onTrouble }) {
   const button = el(
     "button",
-    { class: "stop-button", type: "button", title: "Cancel every goal of the robot and the plan that runs, and hold the queue", onclick: stop },
+    { class: "stop-button", type: "button", title: "Cancel all goals of the robot and the running plan, and hold the queue", onclick: stop },
     "STOP",
   );
   const banner = el("div", { class: "held-banner", role: "alert", hidden: true });
@@ -27,13 +27,13 @@ export function mountOperator(head, { client, onTrouble }) {
     try {
       await client.post("/v1/stop", undefined, { signal: AbortSignal.timeout(LONGEST_STOP_MS) });
     } catch (error) {
-      shared.trouble = `The stop is not confirmed: ${error.message}. Use the stop of the robot itself.`;
+      shared.trouble = `The stop is not confirmed: ${error.message}. Use the robot's own emergency stop.`;
     } finally {
       shared.stopping = false;
       button.textContent = "STOP";
     }
     shared.drawn = "";
-    draw({ held: shared.trouble ? "a stop was asked for" : "", waiting: 0, stopper: "off" });
+    draw({ held: shared.trouble ? "a stop was requested" : "", waiting: 0, stopper: "off" });
     await refresh();
   }
 
@@ -42,7 +42,7 @@ export function mountOperator(head, { client, onTrouble }) {
     try {
       const answer = await client.post("/v1/queue/release", { held });
       shared.trouble = "";
-      if (answer.held) onTrouble("The queue is not released: it is held for another reason by now. Read it, then release again.");
+      if (answer.held) onTrouble("The queue is still held, for a new reason. Read it, then release again.");
     } catch (error) {
       onTrouble(`The queue is not released: ${error.message}.`);
     }
@@ -50,18 +50,18 @@ export function mountOperator(head, { client, onTrouble }) {
   }
 
   function draw({ held, waiting, stopper }) {
-    const missing = stopper === "down" ? "The process that would stop the robot is not there. " : "";
+    const missing = stopper === "down" ? "The process that stops the robot is not running. " : "";
     const key = [held, waiting, stopper, shared.trouble].join("\n");
     if (key === shared.drawn) return;
     shared.drawn = key;
     banner.hidden = !(held || missing || shared.trouble);
-    const plans = waiting === 1 ? "1 plan waits" : `${waiting} plans wait`;
+    const plans = waiting === 0 ? "none is waiting" : waiting === 1 ? "1 is waiting" : `${waiting} are waiting`;
     const parts = [];
     if (shared.trouble) parts.push(el("strong", { class: "held-trouble" }, visibleText(shared.trouble)));
     if (missing) parts.push(el("strong", { class: "held-trouble" }, missing));
     if (held) {
       parts.push(
-        el("span", {}, el("strong", {}, "Held: "), `${visibleText(held)}. Nothing begins, ${plans}.`),
+        el("span", {}, el("strong", {}, "The queue is held: "), `${visibleText(held)}. No plan starts until you release it; ${plans}.`),
         el("button", { class: "button release-button", type: "button", onclick: () => release(held) }, "Release the queue"),
       );
     }

@@ -9,10 +9,15 @@ export const FONT = "ui-sans-serif, system-ui, 'DejaVu Sans', Helvetica, Arial, 
 const LINE = 15;
 export const NAMES_FROM = 0.36; // zoom from which names are drawn
 const EVENTS_FROM = 0.62;
+const CAPTION_INDENT = 23; // behind the sign that folds the group
+const CAPTION_AIR = 8;
+const CAPTION_LETTER = 6.3;
 export const FORMS_FROM = 0.3; // below, all of a large picture is plain boxes and lines (view.far)
 const STROKES = [...Object.entries(EVENTS).map(([kind, { line }]) => [kind, line]), ["FAILED", "solid"]];
 const DASHES = { solid: [], dashed: [6, 3], dotted: [2, 3], broken: [8, 2, 2, 2] };
 const HEAD = 7;
+const BAND = 9;
+const MANY_BARE = 12;
 
 const COLOR_NAMES = [
   "--graph-paper", "--graph-text", "--graph-soft", "--graph-line", "--graph-node", "--graph-even",
@@ -52,11 +57,8 @@ export function viewOf(pan, zoom, width, height) {
 
 // -- what stands still ---------------------------------------------------------------------------
 
+// Near enough to be read; from far away overview.js paints.
 export function paintPicture(context, picture, view, colors) {
-  if (view.far) {
-    paintOverview(context, picture, view, colors);
-    return;
-  }
   for (const group of picture.groups) {
     if (inView(group.box, view)) paintGroup(context, group, colors);
   }
@@ -75,7 +77,7 @@ export function addBox(context, { x, y, width, height }) {
 }
 
 // From far away: few calls, whatever the number of nodes.
-function paintOverview(context, picture, view, colors) {
+export function paintStill(context, picture, view, colors) {
   context.lineWidth = 0.7 / view.zoom;
   const groups = picture.groups.filter((group) => inView(group.box, view));
   for (const odd of [0, 1]) {
@@ -118,7 +120,7 @@ function paintFindingsFar(context, picture, view, colors) {
   }
 }
 
-function paintGroup(context, group, colors) {
+export function paintGroup(context, group, colors) {
   const { x, y, width, height } = group.box;
   context.beginPath();
   context.roundRect(x, y, width, height, 8);
@@ -131,18 +133,27 @@ function paintGroup(context, group, colors) {
   context.setLineDash([]);
 }
 
+// The left end of a caption: behind the line on which its group is entered where that would cross it and
+// there is room. A recovery is entered from its side.
+export function captionAt({ box: { x, width }, label, spine = -1 }) {
+  const [from, wide] = [x + CAPTION_INDENT, label.length * CAPTION_LETTER];
+  const isCrossed = !label.startsWith("recovery") && spine > from - CAPTION_AIR && spine < from + wide;
+  return isCrossed && spine + CAPTION_AIR + wide < x + width ? spine + CAPTION_AIR : from;
+}
+
 // Above the lines, which may cross it: a halo keeps it readable.
-function paintCaption(context, group, colors) {
+export function paintCaption(context, group, colors) {
   const { x, y } = group.box;
+  const left = captionAt(group);
   context.font = `11px ${FONT}`;
   context.textAlign = "left";
   context.lineWidth = 3;
   context.lineJoin = "round";
   context.strokeStyle = colors[group.depth % 2 ? "--graph-odd" : "--graph-even"];
-  context.strokeText(group.label, x + 23, y + 17);
+  context.strokeText(group.label, left, y + 17);
   context.fillStyle = colors["--graph-soft"];
   context.fillText("⊟", x + 9, y + 17);
-  context.fillText(group.label, x + 23, y + 17);
+  context.fillText(group.label, left, y + 17);
 }
 
 export function itemPath(context, item, grow) {
@@ -177,6 +188,7 @@ export function paintItem(context, item, view, colors, tint) {
     context.restore();
     context.fillStyle = colors["--graph-odd"];
     context.strokeStyle = colors["--graph-border"];
+    context.lineWidth = 1.25;
     context.fill();
     context.stroke();
   }
@@ -211,7 +223,7 @@ function paintLines(context, item, colors) {
   item.lines.forEach((line, number) => {
     context.font = isJoin ? `10px ${FONT}` : `${number ? "" : "600 "}12px ${FONT}`;
     context.fillStyle = colors[number || item.unreachable ? "--graph-soft" : "--graph-text"];
-    context.fillText(line, x + width / 2, first + number * step);
+    context.fillText(line, x + width / 2, first + number * step, width - 10); // fonts differ: narrower where it is too wide
   });
 }
 
@@ -350,7 +362,7 @@ function hasNames(item) {
 // {states: Map(item -> {state, count}), taken: Set(edge), isShown}; items and edges of the picture by
 // number. Items that are not in `states` have not been reached.
 export function paintRun(context, picture, view, colors, { states, taken, isShown }) {
-  const edges = [...taken].map((number) => picture.edges[number]).filter(Boolean);
+  const edges = [...taken].map((number) => picture.edges[number]).filter((edge) => edge?.route.length);
   if (edges.length) paintBold(context, edges, view, colors, 3.5);
   if (!isShown) return;
   if (view.far) {
@@ -368,31 +380,53 @@ function paintBold(context, edges, view, colors, width) {
   paintEdges(context, whole, view, colors, width);
 }
 
+// Edges of what is selected or pointed at lie in a band; only those that are taken are bold. Those that
+// are drawn for it alone need none, and are faint where they are many.
+export function paintNear(context, all, view, colors) {
+  const edges = all.filter((edge) => edge.route.length);
+  const bare = all.filter((edge) => !edge.route.length);
+  context.globalAlpha = bare.length > MANY_BARE ? 0.35 : 1;
+  paintBold(context, bare, view, colors, 1.5);
+  context.strokeStyle = colors["--accent"];
+  context.lineWidth = Math.max(BAND, 4 / view.zoom);
+  context.globalAlpha = 0.3;
+  context.beginPath();
+  for (const { full, route } of edges) {
+    const whole = full || route;
+    if (routeInView(whole, view)) (view.far ? traceLine : tracePath)(context, whole);
+  }
+  context.stroke();
+  context.globalAlpha = 1;
+  paintBold(context, edges, view, colors, 1.5);
+}
+
 // {selected, hoveredItems, near: Set(edge), element, hovered, findings, groupFindings}
 export function paintPointers(context, picture, view, colors, marks) {
   const near = [...marks.near].map((number) => picture.edges[number]).filter(Boolean);
-  if (near.length) paintBold(context, near, view, colors, 2.75);
+  if (near.length) paintNear(context, near, view, colors);
   for (const group of picture.groups) {
     const isSelected = group.element >= 0 && group.element === marks.element;
     const isHovered = group.element >= 0 && group.element === marks.hovered;
-    if (isSelected || isHovered) ringBox(context, group.box, view, colors, isSelected);
+    if (isSelected) paintBrackets(context, group.box, view, colors);
+    if (isSelected || isHovered) ringBox(context, group.box, view, colors);
   }
   for (const number of marks.hoveredItems) {
     const item = picture.items[number];
-    if (item) ring(context, item, view, colors, false);
+    if (item) paintRing(context, item, view, colors);
   }
   for (const number of marks.selected) {
     const item = picture.items[number];
-    if (item) ring(context, item, view, colors, true);
+    if (item) paintSelected(context, item, view, colors);
+    if (item && !view.far) paintMark(context, item, colors, marks.states?.get(number));
   }
   if (view.far) return; // there they stand still: paintFindingsFar
   for (const [number, severity] of marks.findings) {
     const item = picture.items[number];
-    if (item && inView(item.box, view)) findingMark(context, item, view, colors, severity);
+    if (item && inView(item.box, view)) paintFinding(context, item, view, colors, severity);
   }
   for (const group of picture.groups) {
     const severity = marks.groupFindings.get(group.element);
-    if (severity && inView(group.box, view)) findingMark(context, group, view, colors, severity);
+    if (severity && inView(group.box, view)) paintFinding(context, group, view, colors, severity);
   }
 }
 
@@ -414,7 +448,7 @@ function paintStatesFar(context, picture, view, colors, states) {
   context.globalAlpha = 1;
 }
 
-function paintState(context, item, view, colors, found) {
+export function paintState(context, item, view, colors, found) {
   const name = found ? found.state : "idle";
   const state = STATES[name];
   if (!state || !state.color) return;
@@ -422,7 +456,14 @@ function paintState(context, item, view, colors, found) {
   const color = colors[stateColor(item, name)];
   const tint = { color, strength, dashed: name === "never" || name === "stopped" };
   paintItem(context, item, view, colors, tint);
-  if (name !== "never" && found) stateMark(context, item, { ...colors, "--mark": color }, state, found);
+  paintMark(context, item, colors, found);
+}
+
+// The sign of its state; brackets around what is selected do not hide it.
+function paintMark(context, item, colors, found) {
+  const state = STATES[found?.state];
+  if (!state?.color || found.state === "never") return;
+  stateMark(context, item, { ...colors, "--mark": colors[stateColor(item, found.state)] }, state, found);
 }
 
 // A failure that was collected or has ended the plan is no success.
@@ -451,26 +492,53 @@ function stateMark(context, item, colors, state, found) {
   context.fillText(sign, x, y + 4);
 }
 
-function ring(context, item, view, colors, strong) {
+export function paintRing(context, item, view, colors) {
   itemPath(context, item, 3.5);
-  strokeRing(context, view, colors, strong);
+  strokeRing(context, view, colors);
 }
 
-function ringBox(context, box, view, colors, strong) {
+// A ring and four brackets around it: no state of a run has such a form.
+export function paintSelected(context, item, view, colors) {
+  paintRing(context, item, view, colors);
+  paintBrackets(context, item.box, view, colors);
+}
+
+function ringBox(context, box, view, colors) {
   context.beginPath();
   context.roundRect(box.x, box.y, box.width, box.height, 8);
-  strokeRing(context, view, colors, strong);
+  strokeRing(context, view, colors);
 }
 
-function strokeRing(context, view, colors, strong) {
-  context.lineWidth = Math.max(strong ? 3 : 2, (strong ? 2 : 1.5) / view.zoom);
+function strokeRing(context, view, colors) {
+  context.lineWidth = Math.max(2, 1.5 / view.zoom);
   context.strokeStyle = colors["--accent"];
-  context.globalAlpha = strong ? 1 : 0.55;
+  context.globalAlpha = 0.55;
   context.stroke();
   context.globalAlpha = 1;
 }
 
-function findingMark(context, item, view, colors, severity) {
+function paintBrackets(context, { x, y, width, height }, view, colors) {
+  const away = Math.max(8, 4 / view.zoom);
+  const [left, top, right, bottom] = [x - away, y - away, x + width + away, y + height + away];
+  const long = Math.min(Math.max(10, 6 / view.zoom), (right - left) / 3, (bottom - top) / 3);
+  context.beginPath();
+  for (const [cornerX, inX] of [[left, left + long], [right, right - long]]) {
+    for (const [cornerY, inY] of [[top, top + long], [bottom, bottom - long]]) {
+      context.moveTo(inX, cornerY);
+      context.lineTo(cornerX, cornerY);
+      context.lineTo(cornerX, inY);
+    }
+  }
+  context.lineJoin = "miter";
+  const wide = Math.max(2.5, 2 / view.zoom);
+  for (const color of ["--graph-paper", "--graph-text"]) {
+    context.lineWidth = color === "--graph-paper" ? 2 * wide : wide;
+    context.strokeStyle = colors[color];
+    context.stroke();
+  }
+}
+
+export function paintFinding(context, item, view, colors, severity) {
   const { x, y, width } = item.box;
   const radius = Math.max(7.5, Math.min(22, 2.5 / view.zoom));
   context.beginPath();

@@ -5,15 +5,15 @@ import { counted } from "./dom.js";
 import { boxOf, clippedRoute, closeGaps, foldedGroups } from "./folding.js";
 import { EVENTS, joinWord } from "./words.js";
 
-const LETTER_WIDTH = 6.1;
 const JOIN_LETTER = 4.8;
 
 /**
  * @typedef {{x: number, y: number, width: number, height: number}} Box
  * @typedef {{kind: string, node: number, group: number, element: number, box: Box, lines: string[],
- *   inside: number[], parent: number, fails: boolean, need?: number, finding?: string,
+ *   inside: number[], parent: number, fails: boolean, need?: number, inputs?: number, finding?: string,
  *   unreachable?: boolean}} Item
- * @typedef {{group: number, element: number, label: string, box: Box, depth: number, part: boolean}} Group
+ * @typedef {{group: number, element: number, label: string, box: Box, depth: number, part: boolean,
+ *   finding?: string}} Group
  * @typedef {[number, number]} Corner
  * @typedef {{source: number, target: number, event: string, kind: string, line: string, route: Corner[],
  *   full: Corner[], merged: boolean, edges: number[], open: boolean, loop: boolean, number: number,
@@ -41,6 +41,7 @@ export function makePicture(automaton, collapsed, layout) {
   for (const edge of picture.edges) edge.full = edge.route; // from here on they are merged
   if (layered || automaton.flat) mergeEqualEnds(picture.edges);
   else mergeRoutes(picture.edges);
+  for (const edge of picture.edges) if (!edge.route.length) edge.full = straightLine(picture.items, edge);
   return picture;
 }
 
@@ -91,10 +92,10 @@ function sayCount(item, automaton) {
 
 function nodeItem(node, number, box) {
   const isJoin = node.kind === "join";
-  const room = Math.max(6, Math.floor((box.width - (isJoin ? 0 : 12)) / (isJoin ? JOIN_LETTER : LETTER_WIDTH)));
+  const room = isJoin ? Math.max(6, Math.floor(box.width / JOIN_LETTER)) : Infinity; // others fit their boxes
   const lines = isJoin ? joinLines(node) : node.label;
   return {
-    kind: node.kind, node: number, need: node.need, group: -1, element: node.element, box, inside: [],
+    kind: node.kind, node: number, need: node.need, inputs: node.inputs, group: -1, element: node.element, box, inside: [],
     lines: lines.map((line) => (line.length > room ? `${line.slice(0, room - 1)}…` : line)),
   };
 }
@@ -113,7 +114,8 @@ function addEdges(picture, automaton, layered, failing) {
     const source = picture.itemOf[edge.source];
     const target = isOpen ? -1 : picture.itemOf[edge.target];
     const from = foldedBox(source);
-    if (!flat.length || ((source === target || isOpen) && from)) return;
+    const isBare = edge.stops && source !== target && source >= 0 && target >= 0; // it is drawn where it is selected
+    if ((!flat.length && !isBare) || ((source === target || isOpen) && from)) return;
     const carried = failing.has(edge.source) && edge.event === "SUCCEEDED" ? "FAILED" : edge.event;
     const kind = edge.stops ? "STOPS" : carried;
     const key = `${source} ${target} ${edge.event} ${kind}`;
@@ -124,7 +126,7 @@ function addEdges(picture, automaton, layered, failing) {
     }
     const made = {
       source, target, event: edge.event, kind, line: EVENTS[edge.stops ? kind : edge.event].line,
-      route: clippedRoute(cornersOf(flat), from, foldedBox(target)),
+      route: flat.length ? clippedRoute(cornersOf(flat), from, foldedBox(target)) : [],
       merged: false, edges: [number], open: isOpen, loop: isLoop, number: picture.edges.length,
       curved: Boolean(layered), named: edge.named,
     };
@@ -132,6 +134,19 @@ function addEdges(picture, automaton, layered, failing) {
     picture.edgeOf[number] = made.number;
     picture.edges.push(made);
   });
+}
+
+// Between the borders of two items, of an edge that Python has not laid out.
+/** @returns {Corner[]} */
+function straightLine(items, { source, target }) {
+  const [from, to] = [items[source].box, items[target].box];
+  const [across, along] = [to.x + to.width / 2 - from.x - from.width / 2, to.y + to.height / 2 - from.y - from.height / 2];
+  /** @type {(box: Box, sign: number) => Corner} */
+  const border = ({ x, y, width, height }, sign) => {
+    const share = sign * Math.min(width / 2 / Math.abs(across), height / 2 / Math.abs(along), 0.5);
+    return [x + width / 2 + share * across, y + height / 2 + share * along];
+  };
+  return [border(from, 1), border(to, -1)];
 }
 
 function cornersOf(flat) {

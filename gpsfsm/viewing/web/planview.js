@@ -5,16 +5,18 @@ import { el, grouped } from "./dom.js";
 import { mountFindings, shownFindings, stepFinding } from "./findings.js";
 import { mountGraph } from "./graph.js";
 import { bindPlayer, mountStoreBar, openPlayAt } from "./playbar.js";
+import { planCopies } from "./saving.js";
 import { mountSource } from "./source.js";
 import { mountSplitter } from "./tabs.js";
+import { mountPlayTimeline } from "./timeline.js";
 import { mountTree } from "./tree.js";
 
 // planStage(container, store, tell) -> {player, graph, focus, stepFinding, openPlay, redraw}
 //   tell(text): a pane could not be made; the others are there all the same
 export function planStage(container, store, tell) {
   const boxes = {
-    findings: el("div", { class: "tab-body", role: "tabpanel", id: "panel-findings" }),
-    tree: el("div", { class: "tab-body", role: "tabpanel", id: "panel-tree", hidden: true }),
+    findings: el("div", { class: "tab-body", role: "tabpanel", id: "panel-findings", "aria-labelledby": "tab-findings" }),
+    tree: el("div", { class: "tab-body", role: "tabpanel", id: "panel-tree", "aria-labelledby": "tab-tree", hidden: true }),
     graph: el("section", { class: "pane pane-graph", "aria-label": "Automaton" }),
     source: el("section", { class: "pane pane-source", "aria-label": "Text" }),
   };
@@ -23,7 +25,7 @@ export function planStage(container, store, tell) {
   const left = el(
     "section",
     { class: "pane pane-left", "aria-label": "Findings and tree" },
-    el("div", { class: "tabs", role: "tablist" }, Object.values(tabs)),
+    el("div", { class: "tabs", role: "tablist", "aria-label": "Findings or tree" }, Object.values(tabs)),
     boxes.findings,
     boxes.tree,
   );
@@ -45,8 +47,9 @@ export function planStage(container, store, tell) {
   mount("findings", () => mountFindings(boxes.findings, store, player));
   mount("tree", () => mountTree(boxes.tree, store));
   mount("graph", () => mountGraph(boxes.graph, store));
+  mount("timeline", () => mountPlayTimeline(boxes.graph, store, player));
   mount("bar", () => mountStoreBar(boxes.graph, store, player));
-  boxes.source.append(el("div", { class: "pane-head" }, "Text"));
+  boxes.source.append(el("div", { class: "pane-head" }, "Text", planCopies(store)));
   mount("source", () => mountSource(boxes.source, store));
 
   function choose(name) {

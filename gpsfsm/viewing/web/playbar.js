@@ -26,7 +26,7 @@ export function bindPlayer(store) {
     }
     loaded = play;
     player.reset(automaton());
-    if (play) player.load(play.records, play.story_at);
+    if (play) player.load(play.records, play);
   }
 
   // The other panes go to what happens, once the steps rest for a moment.
@@ -71,7 +71,7 @@ export function openPlayAt(store, player, number, origin, line = -1) {
 
 // mountPlayerBar(container, {player, play, story, onClose, now}) -> {element, destroy}
 //   player: a Player or a PairPlayer;  play(): what is played, {title, ends} or null;
-//   story(): [{text, current, show()}];  now(): the sentence about what is seen now
+//   story(): [{text, when, show()}], see Player.story;  now(): the sentence about what is seen now
 /**
  * @param {HTMLElement} container
  * @param {{player: any, play: () => any, story: () => any[], now: () => string, counts?: () => any,
@@ -206,17 +206,25 @@ function drawStory(parts, lines) {
     parts.shown = key;
     replaceContent(parts.list, lines.map(storyItem));
   }
-  lines.forEach(({ current }, number) => markCurrent(parts.list, parts.list.children[number], current));
+  const isFirst = lines.findIndex(({ when }) => when === "current");
+  lines.forEach(({ when }, number) => {
+    const item = parts.list.children[number];
+    if (markSentence(item, when) && number === isFirst) scrollInList(parts.list, item);
+  });
 }
 
-function markCurrent(list, item, current) {
-  if (item.classList.contains("current") === current) return;
-  item.classList.toggle("current", current);
-  if (!current) {
-    item.removeAttribute("aria-current");
-    return;
-  }
-  item.setAttribute("aria-current", "step");
+// Marks a sentence of a story; true if it was not marked so before.
+export function markSentence(item, when) {
+  if (item.dataset.when === when) return false;
+  item.dataset.when = when;
+  item.classList.toggle("current", when === "current");
+  item.classList.toggle("past", when === "past");
+  if (when === "current") item.setAttribute("aria-current", "step");
+  else item.removeAttribute("aria-current");
+  return true;
+}
+
+function scrollInList(list, item) {
   const low = item.offsetTop - list.offsetTop;
   if (low < list.scrollTop || low + item.offsetHeight > list.scrollTop + list.clientHeight) {
     list.scrollTop = Math.max(0, low - item.offsetHeight);
@@ -256,10 +264,10 @@ export function mountStoreBar(container, store, player) {
 
 export function storyOf(play, player) {
   if (!play) return [];
-  const { storyLine } = player;
+  const { story } = player;
   return play.story.map((text, number) => ({
     text,
-    current: number === storyLine,
+    when: story[number],
     show: () => {
       player.pause();
       player.seekStory(number);

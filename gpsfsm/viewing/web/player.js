@@ -4,7 +4,7 @@
 // them are played by this module. It knows nothing of the page.
 //
 //   const player = new Player(plan.automaton);
-//   player.load(play.records, play.story_at)     or, for a run that goes on: player.append(record)
+//   player.load(play.records, play)              or, for a run that goes on: player.append(record)
 //   player.position      how many records are applied: 0 … player.length
 //   player.states        Map(node -> {state, count}); a node that is not in it is idle
 //   player.taken         Set(index of an edge): its source has emitted its event
@@ -155,6 +155,8 @@ export class Player extends Playback {
   history;
   /** @type {number[]} */
   storyAt = [];
+  /** @type {number[]} */
+  storyFrom = [];
   position = 0;
   /** @type {Map<number, {state: string, count: number}>} */
   states = new Map();
@@ -175,16 +177,19 @@ export class Player extends Playback {
     this.stopTimer();
     this.history = new RunHistory(automaton);
     this.storyAt = [];
+    this.storyFrom = [];
     this.position = 0;
     this.states = new Map();
     this.taken = new Set();
     this.following = false;
   }
 
-  load(records, storyAt = []) {
+  // story_at, story_from: per sentence of a story the record at which it has happened, and begins.
+  load(records, { story_at = [], story_from = story_at } = {}) {
     this.reset();
     for (const record of records) this.history.append(record);
-    this.storyAt = storyAt;
+    this.storyAt = story_at;
+    this.storyFrom = story_from;
     this.tell();
   }
 
@@ -216,13 +221,16 @@ export class Player extends Playback {
     return this.position ? this.history.times[this.position - 1] : 0;
   }
 
-  // The sentence of the story that is being told, -1 before the first.
-  get storyLine() {
-    let found = -1;
-    this.storyAt.forEach((record, line) => {
-      if (record < this.position) found = line;
+  // Per sentence of the story: "current" if it happens in the step that is shown, "past" if it has
+  // happened before, "" if it will. A sentence about a row of runners happens from the first to the
+  // last of them.
+  get story() {
+    const { stops } = this.history;
+    const before = stops[countUpTo(stops, this.position - 1) - 1] ?? 0;
+    return this.storyAt.map((last, line) => {
+      if (this.storyFrom[line] >= this.position) return "";
+      return last >= before ? "current" : "past";
     });
-    return found;
   }
 
   get progress() {

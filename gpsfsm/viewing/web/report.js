@@ -1,7 +1,9 @@
 // The entry of a report: reads the view document out of the page and shows it.
 
 import { mountCompare } from "./compare.js";
-import { counted, el, replaceContent, visibleText } from "./dom.js";
+import { clipPath, counted, el, onFailure, pathWords, replaceContent, visibleText } from "./dom.js";
+import { filterOf } from "./findings.js";
+import { LINK_REFUSED, bindAddress, elementKey, elementOfKey, findingKey, findingOfKey } from "./fragment.js";
 import { mountGraph } from "./graph.js";
 import { bindKeys, helpDialog } from "./keys.js";
 import { planStage } from "./planview.js";
@@ -22,8 +24,7 @@ function start() {
   const app = document.getElementById("app") || document.body;
   const messages = el("div", { class: "page-messages", role: "alert" });
   const tell = messageTeller(messages);
-  addEventListener("error", (event) => tell(event.message));
-  addEventListener("unhandledrejection", (event) => tell(String(event.reason)));
+  onFailure(tell);
   try {
     const viewDocument = unpack(JSON.parse(document.getElementById("gpsfsm-view")?.textContent || ""));
     const page = new ReportPage(app, messages, tell, viewDocument);
@@ -40,7 +41,7 @@ function start() {
 function messageTeller(box) {
   return (text) => {
     if (box.children.length >= MOST_MESSAGES) return;
-    box.append(el("p", { class: "page-error" }, `Something in this page has failed: ${text}`));
+    box.append(el("p", { class: "page-error" }, `An error in this page: ${text}`));
   };
 }
 
@@ -49,6 +50,8 @@ class ReportPage {
   tabs = [];
   /** @type {ReturnType<typeof mountSearch>} */
   search;
+  /** @type {ReturnType<typeof bindAddress>} */
+  address;
 
   constructor(app, messages, tell, viewDocument) {
     this.app = app;
@@ -57,6 +60,7 @@ class ReportPage {
     this.viewDocument = viewDocument;
     this.store = createStore(viewDocument);
     this.view = "";
+    this.first = "plan"; // the view with which the report opens
     /** @type {Record<string, any>} */
     this.stages = {};
   }
@@ -72,7 +76,104 @@ class ReportPage {
     this.store.subscribe(["plan"], () => this.describe());
     bindKeys(this.bindings);
     this.describe();
-    this.show(diff ? "compare" : plans.length > 1 ? "summary" : "plan");
+    this.first = diff ? "compare" : plans.length > 1 ? "summary" : "plan";
+    this.address = bindAddress({
+      names: ["view", "plan", "finding", "element", "play", "step"],
+      state: () => this.shown(this.store.state.finding),
+      show: (values) => this.showLinked(values),
+      refuse: () => this.refuse(),
+    });
+    this.store.link = (number) => this.address.link({ ...this.shown(number), element: undefined });
+    this.address.open();
+    this.store.subscribe(["plan"], () => this.address.write(true));
+    this.store.subscribe(["finding"], (state) => this.address.write(state.finding >= 0));
+    this.store.subscribe(["frame", "play", "element"], () => this.address.writeSoon());
+  }
+
+  // -- its address
+
+  // What is shown, as an address has it, with one of the findings.
+  shown(number) {
+    const { store, view } = this;
+    const { player, opening } = this.stages[view]?.made || {};
+    if (view !== "plan") {
+      const number = player?.progress.number;
+      return { view: view === this.first ? undefined : view, step: number === opening ? undefined : number };
+    }
+    const { play } = store.state;
+    const isOfTask = store.state.playOrigin?.kind === "task";
+    const isPlayed = play && (isOfTask || store.plan.plays[store.plan.findings[number]?.play] === play);
+    // A finding has chosen its element already, and a play goes from one to the next.
+    const isOwn = play || store.plan.findings[number]?.element === store.state.element ;
+    return {
+      plan: this.first === "plan" ? undefined : store.state.plan + 1,
+      finding: findingKey(store.plan, number),
+      element: isOwn ? undefined : elementKey(store.plan, store.state.element),
+      play: isPlayed && isOfTask ? "task" : undefined,
+      step: isPlayed ? player.progress.number : undefined,
+    };
+  }
+
+  // Shows what a link says; false if something of it is not in the report.
+  showLinked({ view = "", plan = "", finding = "", element = "", play = "", step = "" }) {
+    const { store } = this;
+    const number = Number(plan || store.state.plan + 1) - 1;
+    const { plans, diff } = this.viewDocument;
+    const isPlan = plan || finding || element || play || view === "plan";
+    const wanted = isPlan ? "plan" : view || this.first;
+    const there = { plan: Boolean(plans[number]), summary: plans.length > 1, compare: Boolean(diff) };
+    if (!there[wanted]) {
+      this.show(this.view || this.first);
+      return false;
+    }
+    if (number !== store.state.plan) store.showPlan(number);
+    this.show(wanted);
+    const { player, opening } = this.stages[wanted].made;
+    if (wanted !== "plan") {
+      if (player) player.seekStep(step ? Number(step) : opening);
+      return Boolean(player) || !step;
+    }
+    const isThere = this.showFinding(finding, play, step, player);
+    return this.showElement(element, finding) && isThere;
+  }
+
+  showElement(key, finding) {
+    const { store } = this;
+    const index = key ? elementOfKey(store.plan, key) : -1;
+    if (index >= 0 || !finding) store.selectElement(index, "link");
+    return !key || index >= 0;
+  }
+
+  showFinding(key, play, step, player) {
+    const { store } = this;
+    const index = key ? findingOfKey(store.plan, key) : -1;
+    if (index >= 0) {
+      const filter = filterOf(store.plan.findings[index]);
+      if (!store.state.severities[filter]) store.set({ severities: { ...store.state.severities, [filter]: true } });
+    }
+    if (index !== store.state.finding) store.selectFinding(index);
+    const played = play ? store.plan.task?.play : store.plan.findings[index]?.play;
+    const found = step && player ? store.plan.plays[played] || null : null;
+    if (found !== store.state.play) {
+      store.openPlay(found, play ? { kind: "task", index: 0 } : { kind: "finding", index });
+    }
+    if (found) {
+      player.pause();
+      player.seekStep(Number(step));
+    }
+    return (!key || index >= 0) && (found ? Number(step) <= player.progress.of : !step && !play);
+  }
+
+  refuse() {
+    const close = () => notice.remove();
+    const notice = el(
+      "p",
+      { class: "page-notice", role: "status" },
+      LINK_REFUSED,
+      el("button", { type: "button", class: "plain", onclick: close }, "Close"),
+    );
+    this.app.querySelector(".page-notice")?.remove();
+    this.messages.after(notice);
   }
 
   // -- the head
@@ -84,7 +185,7 @@ class ReportPage {
     this.verdict = el("span", { class: "of-plan" });
     this.facts = el("span", { class: "top-facts of-plan" });
     const views = [["plan", "Plan"]];
-    if (plans.length > 1) views.unshift(["summary", `All ${plans.length} plans`]);
+    if (plans.length > 1) views.unshift(["summary", plans.length > 2 ? `All ${plans.length} plans` : "Both plans"]);
     if (diff) views.unshift(["compare", "Compare"]);
     this.tabs = views.map(([view, word]) =>
       el("button", { type: "button", dataset: { view }, onclick: () => this.show(view) }, word),
@@ -113,7 +214,7 @@ class ReportPage {
 
   planChooser() {
     const options = this.viewDocument.plans.map((plan, number) =>
-      el("option", { value: number }, visibleText(plan.name)),
+      el("option", { value: number, title: visibleText(plan.name) }, clipPath(visibleText(plan.name), 44)),
     );
     const chooser = el("select", { class: "plan-chooser of-plan", "aria-label": "Plan" }, options);
     chooser.addEventListener("change", () => this.openPlan(Number(chooser.value)));
@@ -123,7 +224,7 @@ class ReportPage {
   describe() {
     const { plan } = this.store;
     if (this.chooser) this.chooser.value = String(this.store.state.plan);
-    this.name.textContent = visibleText(plan.name);
+    replaceContent(this.name, pathWords(plan.name));
     this.name.title = visibleText(plan.name);
     replaceContent(this.verdict, verdictBadge(plan.verdict));
     this.facts.textContent = factsLine(plan);
@@ -142,6 +243,7 @@ class ReportPage {
     for (const [name, stage] of Object.entries(this.stages)) stage.box.hidden = name !== view;
     if (!this.stages[view]) this.stages[view] = this.makeStage(view);
     this.stages[view].redraw();
+    this.address.write(true);
   }
 
   makeStage(view) {
@@ -163,6 +265,7 @@ class ReportPage {
     };
     try {
       const made = make[view]();
+      if (view === "compare") made.player.subscribe(() => this.address.writeSoon());
       return { box, made, redraw: () => made.redraw && made.redraw() };
     } catch (error) {
       this.tell(`${view}: ${error.message}`);

@@ -20,6 +20,7 @@ export function virtualRows(scroller, { rowHeight, row, classes, update = () => 
   const room = el("div", { class: "rows-room" });
   scroller.append(room);
   let count = 0;
+  const paper = matchMedia("print");
   let printing = false;
   let drawn = new Map(); // number -> row
   // Kept here, since asking the page for them would make it lay itself out at once.
@@ -64,26 +65,31 @@ export function virtualRows(scroller, { rowHeight, row, classes, update = () => 
     }
   }
 
-  // What scrolls into view is made, what is there already stays.
+  // What scrolls into view is made, what is there already stays. On paper all is there, and it is as
+  // high as its rows: to make some because it has grown would go on and on.
   function scroll() {
+    if (printing || paper.matches) return;
     scrolled = scroller.scrollTop;
     height = scroller.clientHeight;
     const [first, last] = inView();
-    if (!printing && drawn.has(first) && drawn.has(last - 1) && drawn.size <= last - first) return;
+    if (drawn.has(first) && drawn.has(last - 1) && drawn.size <= last - first) return;
     draw(true);
   }
 
   const redraw = oncePerFrame(() => draw());
   const rescroll = oncePerFrame(scroll);
   const print = (on) => () => {
+    if (printing === on) return;
     printing = on;
     scroller.classList.toggle("printing", on);
     draw();
   };
   const [before, after] = [print(true), print(false)];
+  const changed = () => (paper.matches ? before() : after());
   scroller.addEventListener("scroll", rescroll, { passive: true });
   addEventListener("beforeprint", before);
   addEventListener("afterprint", after);
+  paper.addEventListener("change", changed);
   const watcher = new ResizeObserver(scroll);
   watcher.observe(scroller);
 
@@ -110,6 +116,7 @@ export function virtualRows(scroller, { rowHeight, row, classes, update = () => 
       watcher.disconnect();
       removeEventListener("beforeprint", before);
       removeEventListener("afterprint", after);
+      paper.removeEventListener("change", changed);
       room.remove();
     },
   };

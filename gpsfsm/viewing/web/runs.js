@@ -1,6 +1,6 @@
 // The runs that the journal knows, the newest first.
 
-import { el, replaceContent, visibleText } from "./dom.js";
+import { el, pathWords, replaceContent, visibleText } from "./dom.js";
 import { clockText } from "./timeline.js";
 
 const RUNS_AT_ONCE = 30;
@@ -11,8 +11,8 @@ export const STATUSES = {
   STOPPING: { sign: "■", word: "stopping", kind: "running" },
   COMPLETED: { sign: "✓", word: "completed", kind: "good" },
   GAVE_UP: { sign: "✗", word: "gave up", kind: "bad" },
-  STUCK: { sign: "⧖", word: "stuck", kind: "bad" },
-  HANG: { sign: "⧖", word: "hangs", kind: "bad" },
+  STUCK: { sign: "∞", word: "stuck", kind: "bad" },
+  HANG: { sign: "∞", word: "hangs", kind: "bad" },
   ABORT: { sign: "✗", word: "aborted", kind: "bad" },
   CANCELLED: { sign: "■", word: "cancelled", kind: "stopped" },
   REFUSED: { sign: "✗", word: "refused", kind: "bad" },
@@ -36,8 +36,8 @@ export function statusBadge(status) {
 
 // In which world a run was, or is; `drawn` for none.
 export function whereWords(run, drawn) {
-  if (run.mode === "real") return "for real";
-  return run.world && run.world !== "drawn" ? `in ${run.world}` : drawn;
+  if (run.mode === "real") return "real robot";
+  return run.world && run.world !== "drawn" ? `world ${run.world}` : drawn;
 }
 
 function when(text) {
@@ -50,9 +50,9 @@ function when(text) {
 
 function row(run, chosen, onOpen) {
   const links = [];
-  if (run.continues_run) links.push(`goes on from run ${run.continues_run}`);
+  if (run.continues_run) links.push(`continues run ${run.continues_run}`);
   if (run.continued_by_run) links.push(`continued by run ${run.continued_by_run}`);
-  const where = whereWords(run, "drawn by chance");
+  const where = whereWords(run, "random outcomes");
   const details = [where, `seed ${run.seed}`, when(run.began)].filter(Boolean).join(" · ");
   return el(
     "li",
@@ -67,7 +67,7 @@ function row(run, chosen, onOpen) {
         onclick: () => onOpen(run.run),
       },
       el("span", { class: "run-number" }, `Run ${run.run}`),
-      el("span", { class: "run-name" }, visibleText(run.name)),
+      el("span", { class: "run-name path" }, pathWords(run.name)),
       statusBadge(run.status),
       el("span", { class: "run-length" }, isOpen(run.status) ? "" : clockText(run.length_us)),
       el("span", { class: "run-details" }, details),
@@ -78,7 +78,7 @@ function row(run, chosen, onOpen) {
 
 // mountRuns(container, {client, onOpen}) -> {refresh, choose}; onOpen(run) is told a number.
 export function mountRuns(container, { client, onOpen }) {
-  const list = el("ol", { class: "run-list", "aria-label": "Runs, the newest first" });
+  const list = el("ol", { class: "run-list", "aria-label": "Runs, newest first" });
   const more = el("button", { class: "button", type: "button", hidden: true }, "Older runs");
   const note = el("p", { class: "run-note", role: "status" }, "");
   container.append(note, list, more);

@@ -5,8 +5,11 @@ import { el, oncePerFrame, replaceContent, sign, visibleText } from "./dom.js";
 import { speedChoice } from "./draft.js";
 import { mountGraph } from "./graph.js";
 import { statusBadge, whereWords } from "./runs.js";
-import { clockText, createTimeline } from "./timeline.js";
+import { clockText, mountTimeline } from "./timeline.js";
 import { isTree, nodeWords } from "./words.js";
+
+// What closes a menu: a click beside it, Escape, and a window of another size, since it stands at a point.
+const LEAVING = ["pointerdown", "keydown", "resize"];
 
 function button(words, title, onclick, more = {}) {
   return el("button", { class: "button", type: "button", title, "aria-label": title, onclick, ...more }, words);
@@ -26,16 +29,24 @@ export function mountRunStage(container, { watch, previous, hooks }) {
   const difference = el("details", { class: "run-difference", hidden: true });
   const panes = el("div", { class: "run-panes" });
   const commands = el("div", { class: "run-commands", role: "group", "aria-label": "Control the run" });
-  const replay = el("div", { class: "run-replay", role: "group", "aria-label": "Look back and forth" });
+  const replay = el("div", { class: "run-replay", role: "group", "aria-label": "Replay" });
   const clock = el("span", { class: "run-clock" });
-  const line = el("div", { class: "run-line" });
-  const foot = el("div", { class: "run-foot" }, commands, el("div", { class: "run-time" }, replay, line, clock));
-  container.append(head, banner, difference, panes, foot);
-  const timeline = createTimeline(line, { onSeek: (at) => watch.seek(at) });
+  const rows = el("div", { class: "run-timeline" });
+  const foot = el("div", { class: "run-foot" }, el("div", { class: "run-time" }, commands, replay, clock));
+  container.append(head, banner, difference, panes, rows, foot);
+  const timeline = mountTimeline(rows, {
+    plan: () => watch.store?.plan,
+    history: () => watch.player?.history ?? null,
+    folded: () => watch.store.state.collapsed,
+    position: () => watch.at,
+    length: () => watch.length,
+    onSeek: (at) => watch.seek(at),
+    onSelect: (node) => watch.store.selectNode(node, "timeline"),
+  });
   const graphs = [];
   const drawSoon = oncePerFrame(() => !shared.gone && drawTime());
-  /** @type {{drawn: string, gone: boolean, spans: any[] | null, pointer: number[], menu: {menu: HTMLElement, node: number} | null, unsubscribe: () => void}} */
-  const shared = { drawn: "", gone: false, spans: null, pointer: [0, 0], menu: null, unsubscribe: () => {} };
+  /** @type {{drawn: string, gone: boolean, acting: number[], pointer: number[], menu: {menu: HTMLElement, node: number} | null, unsubscribe: () => void}} */
+  const shared = { drawn: "", gone: false, acting: [], pointer: [0, 0], menu: null, unsubscribe: () => {} };
 
   mountPanes();
   const parts = replayParts();
@@ -53,7 +64,7 @@ export function mountRunStage(container, { watch, previous, hooks }) {
       const title = wide ? `Now: run ${watch.info.run}` : `Automaton of run ${watch.info.run}`;
       list.push(graphPane(title, null, watch.store, "new"));
     } else {
-      panes.append(el("p", { class: "nothing" }, "The automaton of this run cannot be shown; its events can."));
+      panes.append(el("p", { class: "nothing" }, "The automaton of this run cannot be shown. Its events can."));
     }
     panes.append(...list.map((each) => each.pane));
     for (const each of list) graphs.push(mountGraph(each.box, each.store));
@@ -77,24 +88,25 @@ export function mountRunStage(container, { watch, previous, hooks }) {
   }
 
   function openMenu(node) {
-    const item = button([sign("fail"), "Let it fail"], "Let this runner fail", () => fail(node), { role: "menuitem" });
+    const item = button([sign("fail"), "Make it fail"], "Make it fail", () => fail(node), { role: "menuitem" });
     const menu = el("div", { class: "fail-menu", role: "menu", "aria-label": nodeWords(watch.store.plan, node) });
     menu.append(el("p", {}, nodeWords(watch.store.plan, node)), item);
-    document.body.append(menu);
+    container.append(menu);
     const { width, height } = menu.getBoundingClientRect();
     menu.style.left = `${Math.max(4, Math.min(shared.pointer[0] + 8, innerWidth - width - 8))}px`;
     menu.style.top = `${Math.max(4, Math.min(shared.pointer[1] + 8, innerHeight - height - 8))}px`;
     shared.menu = { menu, node };
-    addEventListener("pointerdown", leaveMenu, { capture: true });
+    for (const kind of LEAVING) addEventListener(kind, leaveMenu, { capture: true });
   }
 
   function leaveMenu(event) {
-    if (shared.menu && !shared.menu.menu.contains(event.target)) closeMenu();
+    if (!shared.menu || (event.type === "keydown" && event.key !== "Escape")) return;
+    if (event.type !== "pointerdown" || !shared.menu.menu.contains(event.target)) closeMenu();
   }
 
   function closeMenu() {
     if (!shared.menu) return;
-    removeEventListener("pointerdown", leaveMenu, { capture: true });
+    for (const kind of LEAVING) removeEventListener(kind, leaveMenu, { capture: true });
     shared.menu.menu.remove();
     shared.menu = null;
   }
@@ -109,16 +121,16 @@ export function mountRunStage(container, { watch, previous, hooks }) {
     const [only] = watch.active().length === 1 ? watch.active() : [-1];
     const chosen = canFail(node) ? node : only;
     if (canFail(chosen)) fail(chosen);
-    else if (watch.real) hooks.onTrouble("Real runners are not let fail.");
-    else hooks.onTrouble("Select a runner that is running: that one can be let fail.");
+    else if (watch.real) hooks.onTrouble("Real runners cannot be made to fail.");
+    else hooks.onTrouble("Select a running runner first: only that can be made to fail.");
   }
 
   async function command(what, values) {
     try {
       const answer = await watch.control(what, values);
-      if (!answer.success) hooks.onTrouble(answer.why || `That had no effect: ${what}.`);
+      if (!answer.success) hooks.onTrouble(answer.why || `The command had no effect: ${what}.`);
     } catch (error) {
-      hooks.onTrouble(`That did not work: ${error.message}.`);
+      hooks.onTrouble(`The command failed: ${error.message}.`);
     }
   }
 
@@ -126,12 +138,12 @@ export function mountRunStage(container, { watch, previous, hooks }) {
 
   function drawHead() {
     const { info } = watch;
-    const where = whereWords(info, "outcomes drawn by chance");
+    const where = whereWords(info, "random outcomes");
     const links = [];
-    if (info.continues_run) links.push(link(`goes on from run ${info.continues_run}`, info.continues_run));
+    if (info.continues_run) links.push(link(`continues run ${info.continues_run}`, info.continues_run));
     if (info.continued_by_run) links.push(link(`continued by run ${info.continued_by_run}`, info.continued_by_run));
     if (info.continues_run) {
-      const words = previous ? "Only this one" : "Beside the plan before";
+      const words = previous ? "Show only this run" : "Show beside the previous run";
       links.push(button(words, words, () => hooks.onCompare(watch)));
     }
     replaceContent(
@@ -141,7 +153,7 @@ export function mountRunStage(container, { watch, previous, hooks }) {
       watch.running && watch.paused ? el("span", { class: "run-badge held" }, "paused") : null,
       el("span", { class: "run-where" }, `${where} · seed ${info.seed}`),
       links,
-      button("Edit", "Put this plan into the editor", () => hooks.onEdit(watch)),
+      button("Edit", "Edit this plan", () => hooks.onEdit(watch)),
     );
   }
 
@@ -159,9 +171,9 @@ export function mountRunStage(container, { watch, previous, hooks }) {
     replaceContent(
       commands,
       paused
-        ? button([sign("play"), "Go on"], "Let the run go on", () => command("resume"), { class: "button primary" })
+        ? button([sign("play"), "Resume"], "Resume the run", () => command("resume"), { class: "button primary" })
         : button([sign("pause"), "Pause"], "Pause the run", () => command("pause")),
-      watch.real ? null : button([sign("step"), "Step"], "Let one event happen, then pause", () => command("step", { events: 1 })),
+      watch.real ? null : button([sign("step"), "Step"], "Step: let one event happen, then pause", () => command("step", { events: 1 })),
       watch.real
         ? null
         : speedChoice("Speed of this run", chosen, (event) => command("speed", { speed: Number(event.target.value) || null })),
@@ -171,25 +183,31 @@ export function mountRunStage(container, { watch, previous, hooks }) {
 
   function replayParts() {
     const found = {
-      start: button(sign("start"), "To the beginning", () => watch.seek(0)),
-      back: button(sign("back"), "One event back", () => watch.step(-1)),
-      play: button(sign("play"), "Show it again in its time", () => watch.replay()),
-      on: button(sign("on"), "One event on", () => watch.step(1)),
-      live: button([sign("now"), "Now"], "Show what happens now", () => watch.attach(), { class: "button live-button" }),
+      start: button(sign("start"), "To the start", () => watch.seek(0)),
+      back: button(sign("back"), "Previous event", () => watch.step(-1)),
+      play: button(sign("play"), "Replay the run", () => watch.replay()),
+      on: button(sign("on"), "Next event", () => watch.step(1)),
+      live: button([sign("now"), "Live"], "Live: follow the run", () => watch.attach(), { class: "button live-button" }),
     };
     replaceContent(replay, Object.values(found));
     return found;
   }
 
+  // What has begun last, or the end.
+  function follow() {
+    const states = [...(watch.player?.states || [])];
+    const acting = states.filter(([, { state }]) => state === "running" || state === "reached").map(([node]) => node);
+    const newest = acting.find((node) => !shared.acting.includes(node));
+    shared.acting = acting;
+    if (newest !== undefined) graphs[graphs.length - 1]?.follow(newest);
+  }
+
   function drawTime() {
-    if (shared.spans !== watch.spans) {
-      shared.spans = watch.spans;
-      timeline.setSpans(watch.spans);
-    }
-    timeline.setPosition(watch.at, watch.length);
+    timeline.update();
+    follow();
     clock.textContent = `${clockText(watch.at)} / ${clockText(watch.length)}`;
-    drawButton(parts.play, watch.replaying ? "pause" : "play", "", watch.replaying ? "Stop here" : "Show it again in its time");
-    drawButton(parts.live, ...(watch.running ? ["now", "Now", "Show what happens now"] : ["end", "", "To the end"]));
+    drawButton(parts.play, watch.replaying ? "pause" : "play", "", watch.replaying ? "Stop the replay" : "Replay the run");
+    drawButton(parts.live, ...(watch.running ? ["now", "Live", "Live: follow the run"] : ["end", "", "To the end"]));
     parts.live.setAttribute("aria-pressed", String(watch.attached));
     container.classList.toggle("looking-back", watch.running && !watch.attached);
   }
@@ -223,11 +241,11 @@ export function mountRunStage(container, { watch, previous, hooks }) {
       else watch.replay();
     },
     tellDifference(diff) {
-      const titles = { equal: "Both plans do the same.", different: "The new plan does something else" };
+      const titles = { equal: "Both plans behave the same", different: "The new plan behaves differently" };
       difference.hidden = false;
       replaceContent(
         difference,
-        el("summary", {}, titles[diff.verdict] || "Whether both plans do the same is undecided"),
+        el("summary", {}, titles[diff.verdict] || "Undecided whether both plans behave the same"),
         el("ul", {}, diff.words.map((line) => el("li", {}, visibleText(line)))),
       );
     },
@@ -242,6 +260,7 @@ export function mountRunStage(container, { watch, previous, hooks }) {
       shared.gone = true;
       closeMenu();
       shared.unsubscribe();
+      timeline.destroy();
       for (const graph of graphs) graph.destroy();
       replaceContent(container);
     },
@@ -255,7 +274,7 @@ function overWords(watch) {
     GAVE_UP: isTree(watch.store.plan)
       ? "The tree has failed: nothing handled a failure."
       : "The plan gave up: nothing handled a failure.",
-    STUCK: "The run is stuck: nothing more can happen.",
+    STUCK: "The run is stuck: nothing can happen any more.",
     CANCELLED: `The run was cancelled${reason}.`,
   };
   return words[watch.state] || `The run has ended: ${watch.state}.`;

@@ -3,6 +3,7 @@
 // part, so that runs of large plans can be stepped as fast as the screen is drawn.
 
 import { debounce, el, oncePerFrame } from "./dom.js";
+import { paintFar } from "./overview.js";
 import { FORMS_FROM, graphColors, paintPicture, paintPointers, paintRun } from "./paint.js";
 
 // From so many items on, the canvases are moved while the view moves, and drawn when it rests.
@@ -10,6 +11,7 @@ const MOVED_FROM = 300;
 const REST_MS = 70;
 const REDRAW_EACH_MS = 250;
 const BEST_RATIO = 2;
+const PAPER_ZOOM = 0.7; // names are printed however small they are: paper is looked at from near
 
 function newCanvas() {
   return el("canvas", { class: "graph-canvas", "aria-hidden": "true" });
@@ -28,6 +30,7 @@ export class GraphScreen {
     this.drawnView = null; // the view for which the canvases were drawn
     this.drawnAt = 0;
     this.destroyed = false;
+    this.onPaper = false;
     this.forgetRun();
     this.draw = oncePerFrame(() => this.paint());
     this.rest = debounce(() => this.redraw(), REST_MS);
@@ -47,6 +50,7 @@ export class GraphScreen {
     this.states = states;
     this.taken = taken;
     this.dirty.run = true;
+    this.dirty.top = true; // the signs of what is selected
     this.draw();
   }
 
@@ -87,6 +91,10 @@ export class GraphScreen {
     const [width, height] = [this.box.clientWidth, this.box.clientHeight];
     if (!width || !height || !this.camera || this.destroyed) return;
     if (!this.colors) this.colors = graphColors();
+    if (this.onPaper) {
+      this.paintPaper(width, height);
+      return;
+    }
     const view = this.camera.viewNow();
     view.far = view.zoom < FORMS_FROM && this.picture.items.length >= MOVED_FROM;
     if (this.isMoved && !this.dirty.still) {
@@ -100,15 +108,36 @@ export class GraphScreen {
     if (this.dirty.run) this.paintRunLayer(view, width, height);
     if (this.dirty.top) {
       const context = this.prepared(this.layers.top, width, height, view);
-      paintPointers(context, this.picture, view, this.colors, this.pointers());
+      paintPointers(context, this.picture, view, this.colors, { ...this.pointers(), states: this.states });
     }
     this.dirty = { still: false, run: false, top: false };
+  }
+
+  // On paper all is drawn on the first canvas: to clear one wipes out what lies below it there.
+  paintPaper(width, height) {
+    const now = this.camera.viewNow();
+    const context = this.prepared(this.layers.still, width, height, now);
+    this.layers.still.style.transform = "";
+    const nothing = { selected: new Set(), hoveredItems: new Set(), near: new Set(), element: -1, hovered: -1 };
+    this.paintAll(context, now, nothing);
+  }
+
+  // All of it with one pen, with names; of what is pointed at and selected, some may be left out.
+  paintAll(context, now, without) {
+    if (!this.colors) this.colors = graphColors();
+    const view = { ...now, zoom: Math.max(now.zoom, PAPER_ZOOM) };
+    paintPicture(context, this.picture, view, this.colors);
+    paintRun(context, this.picture, view, this.colors, {
+      states: this.states || new Map(), taken: this.taken, isShown: this.states !== null,
+    });
+    paintPointers(context, this.picture, view, this.colors, { ...this.pointers(), states: this.states, ...without });
   }
 
   paintStill(view, width, height) {
     this.isMoved = false;
     for (const canvas of this.elements) canvas.style.transform = "";
-    paintPicture(this.prepared(this.layers.still, width, height, view), this.picture, view, this.colors);
+    const paint = view.far ? paintFar : paintPicture;
+    paint(this.prepared(this.layers.still, width, height, view), this.picture, view, this.colors);
     this.drawnView = { ...view, pan: { ...view.pan } };
     this.drawnAt = performance.now();
     this.painted = null;

@@ -6,18 +6,24 @@ import { elementSign } from "./words.js";
 const SHOWN = 60;
 const MOST_HITS = 2000;
 
-// searchPlan(plan, index, text) -> elements whose words hold every word of the text.
+// searchPlan(plan, index, text) -> elements whose words hold every word of the text: first those that
+// show them beside each other, last those where only the path holds them.
 // "12" or "line 12" finds what stands on line 12, "GP302" what a rule found something in.
 export function searchPlan(plan, index, text) {
   const words = text.toLowerCase().split(/\s+/).filter(Boolean);
   if (!words.length) return [];
   const line = /^(?:line\s*)?:?(\d+)$/i.exec(text.trim());
-  const found = line ? [index.elementAt(Number(line[1]))].filter((element) => element >= 0) : [];
-  for (let number = 0; number < plan.elements.length && found.length < MOST_HITS; number += 1) {
-    const all = searchedWords(plan, index, number);
-    if (words.every((word) => all.includes(word)) && !found.includes(number)) found.push(number);
+  /** @type {number[][]} */
+  const ranks = [[], [], []];
+  for (let number = 0; number < plan.elements.length; number += 1) {
+    const seen = searchedWords(plan, index, number);
+    const all = `${seen} ${plan.elements[number].path.toLowerCase()}`;
+    if (!words.every((word) => all.includes(word))) continue;
+    const isTogether = seen.replaceAll("_", " ").includes(words.join(" "));
+    ranks[isTogether ? 0 : words.every((word) => seen.includes(word)) ? 1 : 2].push(number);
   }
-  return found;
+  const there = line ? [index.elementAt(Number(line[1]))].filter((element) => element >= 0) : [];
+  return [...new Set([...there, ...ranks.flat()])].slice(0, MOST_HITS);
 }
 
 function searchedWords(plan, index, number) {
@@ -26,8 +32,8 @@ function searchedWords(plan, index, number) {
     .findingsOf(number)
     .map((finding) => plan.findings[finding].rule)
     .join(" ");
-  const { kind, type, label, name, detail, path } = element;
-  return `${kind} ${type} ${label} ${name} ${detail} ${path} ${rules}`.toLowerCase();
+  const { kind, type, label, name, detail } = element;
+  return `${kind} ${type} ${label} ${name} ${detail} ${rules}`.toLowerCase();
 }
 
 let searchesMade = 0;

@@ -18,7 +18,7 @@ const SIGNS = {
   STARTED: "▶",
   SUCCEEDED: "✓",
   FAILED: "✗",
-  TIMEOUT: "⧖",
+  TIMEOUT: "◔",
   STOPPING: "■",
   STOPPED: "■",
   HELD: "‖",
@@ -63,7 +63,7 @@ function eventRow(record, plan, onSeek) {
     { class: `event-row ${record.kind.toLowerCase()}` },
     el(
       "button",
-      { type: "button", class: "event-button", title: "Show this instant", onclick: () => onSeek(record.at_us) },
+      { type: "button", class: "event-button", title: "Go to this moment", onclick: () => onSeek(record.at_us) },
       el("span", { class: "event-time" }, clockText(record.at_us)),
       el("span", { class: "event-sign", "aria-hidden": "true" }, mark),
       el("span", { class: "event-text" }, clipText(text, LONGEST_TEXT)),
@@ -80,7 +80,7 @@ function wordRow(said, onSeek) {
     { class: `word-row ${said.kind}` },
     el(
       "button",
-      { type: "button", class: "event-button", title: "Show this instant", onclick: () => onSeek(Math.max(0, said.at_us)) },
+      { type: "button", class: "event-button", title: "Go to this moment", onclick: () => onSeek(Math.max(0, said.at_us)) },
       el("span", { class: "event-time" }, clockText(said.at_us)),
       el("span", { class: "word-who" }, visibleText(who)),
       el("span", { class: "word-text" }, visibleText(clipText(said.text, LONGEST_TEXT))),
@@ -125,15 +125,15 @@ export function mountSide(container, hooks) {
     if (shared.drawn[0] === key) return;
     shared.drawn[0] = key;
     if (!store || !active.length) {
-      replaceContent(bodies[0], el("li", { class: "nothing" }, watch ? "Nothing acts at this instant." : "No run is shown."));
+      replaceContent(bodies[0], el("li", { class: "nothing" }, watch ? "Nothing is running at this moment." : "No run is open."));
       return;
     }
     replaceContent(
       bodies[0],
       active.map((node, place) => {
         const words = nodeWords(store.plan, node);
-        const danger = { class: "button danger", type: "button", disabled: !now, "aria-label": `Let it fail: ${words}` };
-        const fail = watch?.real ? null : el("button", { ...danger, onclick: () => hooks.onFail(node) }, "Let it fail");
+        const danger = { class: "button danger", type: "button", disabled: !now, "aria-label": `Make it fail: ${words}` };
+        const fail = watch?.real ? null : el("button", { ...danger, onclick: () => hooks.onFail(node) }, "Make it fail");
         const said = says[place] ? el("span", { class: "active-says" }, says[place]) : null;
         return el("li", { class: "active-row", dataset: { node } }, el("span", { class: "event-sign" }, sign("play")), el("span", {}, words, said), fail);
       }),

@@ -1,11 +1,13 @@
-// The text of the plan with line numbers and the colours of XML. Only lines in view exist.
+// The text of the plan with line numbers and the colours of XML or JSON. Only lines in view exist.
 
 import { el, visibleText } from "./dom.js";
+import { isJson, jsonFolds, jsonParts } from "./json.js";
 import { virtualRows } from "./rows.js";
 import { SEVERITIES, worstSeverity } from "./words.js";
 
 const LINE_HEIGHT = 20;
 const LONGEST_LINE = 2000;
+const LONGEST_UNFOLDED = 48; // characters, without the indentation
 
 export function mountSource(container, store) {
   const box = el("div", {
@@ -14,6 +16,7 @@ export function mountSource(container, store) {
   container.append(box);
   let lines = [];
   let inComment = [];
+  let json = false;
   let marks = new Map(); // line -> [{start, end, severity}] of the findings
   const list = virtualRows(box, {
     rowHeight: LINE_HEIGHT,
@@ -24,7 +27,8 @@ export function mountSource(container, store) {
   function arrange() {
     const { source } = store.plan;
     lines = source === null || source === undefined ? [] : source.split("\n");
-    inComment = commentStarts(lines);
+    json = isJson(source || "");
+    inComment = json ? [] : commentStarts(lines);
     marks = new Map();
     store.plan.findings.forEach((finding) => {
       if (finding.suppressed || !finding.line) return;
@@ -70,11 +74,20 @@ export function mountSource(container, store) {
   }
 
   function pieces(points, line, startsInComment) {
-    const tokens = colorLine(points, startsInComment);
+    const tokens = json ? colorJson(points) : colorLine(points, startsInComment);
+    const folds = json ? foldedJson(points) : foldedParts(tokens, points);
+    const own = marks.get(line) || [];
     const found = [];
     for (const token of tokens) {
-      for (const [start, end, severity] of cutByMarks(token, marks.get(line) || [])) {
-        const classes = [token.kind && `xml-${token.kind}`, severity && `mark ${severity}`];
+      const cuts = [...own, ...folds];
+      for (const [start, end, severity] of cutByMarks(token, cuts)) {
+        const within = folds.find((one) => one.start <= start && end <= one.end);
+        // Of a mark that begins before what is left out, the beginning is seen.
+        const isMarked = severity && !(json && own.every((mark) => mark.start < within?.start || mark.start >= within?.end));
+        const fold = isMarked ? null : within;
+        const folded = fold && (fold.sign && fold.start === start ? "folded first" : "folded");
+        const indent = start === 0 && !points.slice(0, end).join("").trim() && "indent";
+        const classes = [token.kind && `xml-${token.kind}`, severity && `mark ${severity}`, folded, indent];
         const attributes = { class: classes, dataset: { column: start + 1 } };
         found.push(el("span", attributes, visibleText(points.slice(start, end).join(""))));
       }
@@ -150,6 +163,44 @@ export function mountSource(container, store) {
       box.remove();
     },
   };
+}
+
+// Where the text of a long line says nothing that tells one runner from another: the package of an
+// interface, and a provider that is the interface again. With them left out,
+//   <Runner interface="nav2_capabilities/WaypointRunner" provider="nav2_capabilities/WaypointRunner" x="1"
+// is shown as
+//   <Runner …WaypointRunner x="1"
+export function foldedParts(tokens, points) {
+  if (points.join("").trim().length <= LONGEST_UNFOLDED) return [];
+  const textOf = ({ start, end }) => points.slice(start, end).join("");
+  const places = {};
+  tokens.forEach((token, number) => {
+    const value = tokens.slice(number + 1, number + 3).find((one) => one.kind === "value");
+    if (token.kind === "name" && value) places[textOf(token)] ??= { start: token.start, value };
+  });
+  const { interface: one, provider } = places;
+  const slash = one ? textOf(one.value).lastIndexOf("/") : -1;
+  if (slash < 2 || textOf(one.value).length < slash + 3) return [];
+  const folds = [
+    { start: one.start, end: one.value.start + slash + 1, sign: true },
+    { start: one.value.end - 1, end: one.value.end },
+  ];
+  if (provider && textOf(one.value) === textOf(provider.value)) {
+    folds.push({ start: provider.start - 1, end: provider.value.end });
+  }
+  return folds.map((fold) => ({ sign: false, ...fold, severity: "" }));
+}
+
+function foldedJson(points) {
+  const text = points.join("");
+  if (text.trim().length <= LONGEST_UNFOLDED) return [];
+  const parts = jsonFolds(text).map(([start, end, sign]) => [start, end, Boolean(sign)]);
+  return inPoints(parts, points, text).map(({ start, end, kind }) => ({ start, end, sign: kind, severity: "" }));
+}
+
+function colorJson(points) {
+  const text = points.join("");
+  return inPoints(jsonParts(text, 0, text.length), points, text);
 }
 
 // The parts of a token that lie in marks of findings and outside of them.

@@ -6,6 +6,7 @@
 //   store.state               the current values, see `initialState`; read only
 //   store.plan                shorthand: document.plans[state.plan]
 //   store.index               planIndex(plan): lookups between elements, nodes, groups and lines
+//   store.link(i)             the address of a finding, where there is one, else null
 //   store.set({key: value})   changes values and tells subscribers of these keys, even if a value
 //                             is the same object as before (so that Maps may be changed in place)
 //   store.subscribe(["key", …], fn) -> unsubscribe     fn(state, changedKeys: Set)
@@ -39,7 +40,8 @@ export function initialState() {
     finding: -1, // selected finding, index in plan.findings
     severities: { error: true, warning: true, info: true, suppressed: false }, // finding filter
     play: null, // the Play that is open
-    playOrigin: null, // {kind, index}
+    /** @type {{kind: string, index: number} | null} */
+    playOrigin: null,
     frame: 0, // number of records that are applied, 0 … play.records.length
     playing: false,
     speed: 1,
@@ -72,6 +74,8 @@ export function createStore(viewDocument) {
   const store = {
     document: viewDocument,
     state: initialState(),
+    /** @type {((finding: number) => string) | null} */
+    link: null, // the address at which a finding is shown, set by pages that have one
     get plan() {
       return viewDocument.plans[store.state.plan];
     },

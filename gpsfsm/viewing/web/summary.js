@@ -51,7 +51,7 @@ function summaryColumns(rows) {
     rows.some((row) => row.grade) && { key: "grade", title: "Task", of: (row) => row.grade },
     count("error", "Errors"),
     count("warning", "Warnings"),
-    count("info", "Infos"),
+    count("info", "Info"),
     count("runners", "Runners"),
     often("completes", "Completes"),
     often("gives_up", "Gives up"),
@@ -76,7 +76,8 @@ export function mountSummary(container, viewDocument, { onOpen, current = () => 
   const columns = summaryColumns(rows);
   /** @type {columns[number] | null} */
   const sort = null;
-  const view = { rows, columns, sort, falling: false, text: "", onOpen, current };
+  const folder = commonFolder(rows.map((row) => row.name));
+  const view = { rows, columns, sort, folder, falling: false, text: "", onOpen, current };
   const body = el("tbody");
   const told = el("p", { class: "summary-told", "aria-live": "polite" });
   const filter = el("input", {
@@ -100,7 +101,7 @@ export function mountSummary(container, viewDocument, { onOpen, current = () => 
   const box = el(
     "section",
     { class: "summary", "aria-label": "Summary" },
-    el("div", { class: "summary-head" }, totals(rows), filter),
+    el("div", { class: "summary-head" }, totals(rows, folder), filter),
     el("div", { class: "summary-scroll" }, table),
     told,
   );
@@ -126,14 +127,23 @@ function matching({ rows, text }) {
   return rows.filter((row) => words(row).toLowerCase().includes(text));
 }
 
-function totals(rows) {
+// The folder of all of them, with its last slash, or "".
+export function commonFolder(names) {
+  const [first, ...others] = names;
+  const isShared = (folder) => others.every((name) => name.startsWith(folder));
+  let folder = first.slice(0, first.lastIndexOf("/") + 1);
+  while (folder && !isShared(folder)) folder = folder.slice(0, folder.lastIndexOf("/", folder.length - 2) + 1);
+  return folder;
+}
+
+function totals(rows, folder) {
   const of = (verdict) => rows.filter((row) => row.verdict === verdict).length;
   const parts = Object.entries(VERDICTS)
     .filter(([verdict]) => of(verdict))
     .map(([verdict, { sign, word, kind }]) =>
       el("span", { class: `verdict verdict-${kind}` }, `${sign} ${of(verdict)} ${word}`),
     );
-  return el("p", { class: "summary-totals" }, el("strong", {}, counted(rows.length, "plan")), parts);
+  return el("p", { class: "summary-totals" }, el("strong", {}, counted(rows.length, "plan")), folder && `in ${visibleText(folder)}`, parts);
 }
 
 function columnHead(column, view, draw) {
@@ -159,8 +169,8 @@ function markSorted(head, isSorted, falling) {
 function tableRow(row, view) {
   const open = el(
     "button",
-    { type: "button", class: "plan-link", onclick: () => view.onOpen(row.number) },
-    visibleText(row.name),
+    { type: "button", class: "plan-link", title: visibleText(row.name), onclick: () => view.onOpen(row.number) },
+    visibleText(row.name.slice(view.folder.length)),
   );
   const cells = {
     name: open,

@@ -63,12 +63,21 @@ export function mountSplitter(panes, property, direction) {
   const bar = el("div", {
     class: "splitter", role: "separator", tabindex: "0", "aria-orientation": "vertical",
     "aria-label": direction > 0 ? "Width of the left pane" : "Width of the right pane",
+    "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": 0,
   });
   const pane = () => (direction > 0 ? bar.previousElementSibling : bar.nextElementSibling);
+  // Read aloud is the share of the whole width.
+  const tellShare = () => {
+    const share = panes.clientWidth ? Math.round((100 * pane().clientWidth) / panes.clientWidth) : 0;
+    bar.setAttribute("aria-valuenow", share);
+    bar.setAttribute("aria-valuetext", `${share} percent`);
+  };
   const resize = (width) => {
     const most = panes.clientWidth - 2 * LEAST - 20;
     panes.style.setProperty(property, `${Math.round(Math.max(LEAST, Math.min(most, width)))}px`);
+    tellShare();
   };
+  bar.addEventListener("focus", tellShare);
   bar.addEventListener("pointerdown", (event) => {
     const begun = { x: event.clientX, width: pane().clientWidth };
     bar.setPointerCapture(event.pointerId);
@@ -83,6 +92,9 @@ export function mountSplitter(panes, property, direction) {
     event.preventDefault();
     resize(pane().clientWidth + direction * step);
   });
-  bar.addEventListener("dblclick", () => panes.style.removeProperty(property));
+  bar.addEventListener("dblclick", () => {
+    panes.style.removeProperty(property);
+    tellShare();
+  });
   return bar;
 }

@@ -62,6 +62,7 @@ export function mountTree(container, store) {
       el("span", { class: "twisty", "aria-hidden": "true" }, inner ? (isOpen ? "▾" : "▸") : ""),
       el("span", { class: `sign sign-${element.kind}`, "aria-hidden": "true" }, elementSign(element)),
       el("span", { class: "row-text" }, ...rowText(element)),
+      element.kind === "runner" ? el("span", { class: "row-line" }, useOf(element)) : null,
       badge(index),
       el("span", { class: "state" }),
       el("span", { class: "row-line" }, String(element.line)),
@@ -107,9 +108,9 @@ export function mountTree(container, store) {
     for (const node of store.index.nodesOf(index)) {
       const found = store.state.states.get(node);
       const isRunner = store.plan.automaton.nodes[node].kind === "runner";
-      // Of a join only that it waits tells something about its control: others fire, or never
-      // do, for the better or the worse.
-      if (found && (isRunner || found.state === "waiting")) return found.state;
+      // Of a join only that it waits, be it for ever, says something about its control: others
+      // fire, or never do, for the better or the worse.
+      if (found && (isRunner || found.state === "waiting" || found.state === "stuck")) return found.state;
     }
     return "idle";
   }
@@ -215,6 +216,9 @@ function rowText(element) {
     element.detail ? el("span", { class: "row-detail" }, element.detail) : null,
   ];
 }
+
+// Which use of a leaf of a behaviour tree it is: "@2".
+const useOf = ({ path }) => /@\d+$/.exec(path)?.[0] || "";
 
 function rowTitle(element) {
   const words = [element.path];

@@ -10,7 +10,6 @@ import { Player } from "./player.js";
 import { isOpen } from "./runs.js";
 import { createScene, lastUntil, openWorld } from "./scene.js";
 import { createStore, unpack } from "./state.js";
-import { spansOf } from "./timeline.js";
 import { feedbackWords } from "./words.js";
 
 const ASIDE_KINDS = new Set(["LOG", "NOTE", "CONTINUED", "RESTARTED"]);
@@ -29,8 +28,6 @@ export class Watch {
     this.scene = null;
     this.records = []; // all, with logs and notes
     this._feedback = new Map(); // node -> what it has said, with its times
-    this._spans = [];
-    this._spansOf = 0;
     this.lastSeq = 0;
     this.length = 0; // the latest time that is known, in microseconds
     this.at = 0; // the time that is shown
@@ -138,15 +135,6 @@ export class Watch {
     const said = this._feedback.get(node) || [];
     const last = lastUntil(said, this.at);
     return last < 0 ? "" : said[last].words;
-  }
-
-  // When instances were active, for the timeline.
-  get spans() {
-    if (this._spansOf !== this.records.length) {
-      this._spans = spansOf(this.records);
-      this._spansOf = this.records.length;
-    }
-    return this._spans;
   }
 
   async _follow() {

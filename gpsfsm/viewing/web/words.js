@@ -15,9 +15,10 @@ export const STATES = {
   running: { sign: "▶", word: "running", color: "--state-running" },
   succeeded: { sign: "✓", word: "succeeded", color: "--state-succeeded" },
   failed: { sign: "✗", word: "failed", color: "--state-failed" },
-  timeout: { sign: "⧖", word: "timed out", color: "--state-failed" },
+  timeout: { sign: "◔", word: "timed out", color: "--state-failed" },
   stopped: { sign: "■", word: "stopped", color: "--state-stopped" },
   waiting: { sign: "…", word: "waits for inputs", color: "--state-triggered" },
+  stuck: { sign: "∞", word: "waits for ever", color: "--state-failed" },
   fired: { sign: "✓", word: "has fired", color: "--state-succeeded" },
   never: { sign: "–", word: "never ran", color: "--state-never" },
   reached: { sign: "●", word: "reached", color: "--state-reached" },
@@ -31,7 +32,7 @@ export const EVENTS = {
   STOPS: { word: "stops", color: "--event-stops", line: "broken" },
 };
 
-const CONTROL_SIGNS = {
+export const CONTROL_SIGNS = {
   sequential: "→",
   recovery: "↺",
   parallel_any: "∥1",
@@ -65,22 +66,22 @@ const VERBS = {
   STARTED: "starts",
   SUCCEEDED: "succeeds",
   FAILED: "fails",
-  TIMEOUT: "has used up its time",
+  TIMEOUT: "times out",
   STOPPING: "is asked to stop",
   STOPPED: "stops",
   NOT_LOADED: "cannot be loaded",
-  LATE: "answers too late: that changes nothing",
-  RESTARTED: "is asked again",
+  LATE: "answers too late, which changes nothing",
+  RESTARTED: "is started again",
 };
 
 const OF_RUNS = {
   BEGIN: "the run begins",
   PAUSE: "the run is paused",
-  RESUME: "the run goes on",
+  RESUME: "the run resumes",
   CANCEL: "the run is cancelled",
-  SILENCE: "nothing more can happen by itself",
+  SILENCE: "nothing more can happen",
   REPORTED: "the server reports the end",
-  CONTINUED: "the run goes on in another process",
+  CONTINUED: "the run continues in another process",
 };
 
 // sign and color: for badges; sentence: what it means; good: whether the plan did what it should.
@@ -89,8 +90,8 @@ export const ENDS = {
   GAVE_UP: { sign: "✗", kind: "bad", sentence: "the plan gives up" },
   STUCK: { sign: "∞", kind: "bad", sentence: "the plan is stuck: it waits for ever" },
   HANG: { sign: "∞", kind: "bad", sentence: "the engine waits for ever" },
-  ENDLESS: { sign: "↻", kind: "bad", sentence: "and so on: this is repeated for ever" },
-  ABORT: { sign: "✗", kind: "bad", sentence: "the engine dies" },
+  ENDLESS: { sign: "↻", kind: "bad", sentence: "this repeats for ever" },
+  ABORT: { sign: "✗", kind: "bad", sentence: "the engine crashes" },
   CANCELLED: { sign: "■", kind: "neutral", sentence: "the run is cancelled" },
   REFUSED: { sign: "■", kind: "bad", sentence: "the plan is refused" },
 };
@@ -102,11 +103,11 @@ export function isTree(plan) {
   return plan.elements.length > 0 && plan.elements[0].path.startsWith("/root");
 }
 
-// How a run ends, of a tree in its own words.
+// How a run ends, of a tree and of a machine in their own words.
 export function endSentence(plan, status) {
   const { sentence } = ENDS[status];
-  if (!isTree(plan)) return sentence;
-  return sentence.replace("the plan gives up", "the tree fails").replace("the plan", "the tree");
+  if (isTree(plan)) return sentence.replace("the plan gives up", "the tree fails").replace("the plan", "the tree");
+  return plan.elements[0]?.path === "/machine" ? sentence.replace("the plan", "the machine") : sentence;
 }
 
 // "SpeechRunner (text=Hello.) at line 4"

@@ -53,5 +53,7 @@ def test_unmatched_is_empty_where_all_match() -> None:
 def test_the_empty_plan() -> None:
     empty = plan_of()
     assert bind("never fails: *", empty) == Constant(True)
-    assert "line 9 holds no runner; the plan has no runner" in str(refusal("line 9 fails", empty))
+    assert "line 9 contains no runner; the plan has no runner" in str(
+        refusal("line 9 fails", empty)
+    )
     assert "there is no runner inside /Plan" in str(refusal("all /Plan fail", empty))

@@ -46,11 +46,11 @@ this quote is never closed
     "Speech fails
     ^""",
     "not /Plan/Runner[0] fails": """\
-an element path is written like /Plan/Control[1]/Runner[2], counting from 1
+an element path looks like /Plan/Control[1]/Runner[2], counting from 1
     not /Plan/Runner[0] fails
         ^""",
     "any line 7 agree": """\
-'agree' is said of all instances, not of 'any'
+'agree' applies to all instances, not to 'any'
     any line 7 agree
         ^""",
     "  ": """\
@@ -76,11 +76,11 @@ BINDING_ERRORS = {
     line 2 fails implies WaypointRunner fails
                          ^""",
     "never fails: line 9": """\
-line 9 holds no runner; name a line that holds a runner, nearest first: 5, 4, 2
+line 9 contains no runner; name a line that contains a runner, nearest first: 5, 4, 2
     never fails: line 9
                  ^""",
     "never fails: line 3": """\
-line 3 holds no runner; to speak of the runners inside, write /Plan/Control[1]
+line 3 contains no runner; to select the runners inside, write /Plan/Control[1]
     never fails: line 3
                  ^""",
     "line 5:7 fails": """\
@@ -88,11 +88,11 @@ no runner starts at 5:7; write where a start tag begins: 5:5, 5:60
     line 5:7 fails
     ^""",
     "/Plan/Control[3] fails": """\
-there is no /Plan/Control[3]; /Plan holds Runner[1], Control[1], Control[2]
+there is no /Plan/Control[3]; /Plan contains Runner[1], Control[1], Control[2]
     /Plan/Control[3] fails
     ^""",
     "never fails: /Plan/Control[2]": """\
-there is no runner inside /Plan/Control[2]; name a runner, or a control that holds one
+there is no runner inside /Plan/Control[2]; name a runner, or a control that contains one
     never fails: /Plan/Control[2]
                  ^""",
 }
@@ -113,8 +113,8 @@ def test_the_excerpt_of_a_long_text_is_short() -> None:
 
 SUMMARIES = {
     "line 5 fails": "'line 5' selects 2 runner instances",
-    "never fails:  line 9": "line 9 holds no runner",
-    "never fails:\nline 3": "line 3 holds no runner",
+    "never fails:  line 9": "line 9 contains no runner",
+    "never fails:\nline 3": "line 3 contains no runner",
     "line 5:7 fails": "no runner starts at 5:7",
     "/Plan/Control[3] fails": "there is no /Plan/Control[3]",
     "never fails: /Plan/Control[2]": "there is no runner inside /Plan/Control[2]",
@@ -162,13 +162,13 @@ TWO = """\
     [
         (
             "never fails: line 1",
-            "line 1 holds no runner",
-            "to speak of the runners inside, write /Plan",
+            "line 1 contains no runner",
+            "to select the runners inside, write /Plan",
         ),
         (
             "line 9 fails implies line 4 succeeds",
-            "line 9 holds no runner",
-            "name a line that holds a runner, nearest first: 4, 3",
+            "line 9 contains no runner",
+            "name a line that contains a runner, nearest first: 4, 3",
         ),
         (
             "GoRunner fails",

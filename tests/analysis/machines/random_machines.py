@@ -8,7 +8,8 @@ import networkx as nx
 from hypothesis import strategies as st
 
 from gpsfsm.compile.machines import machine_of
-from gpsfsm.model.event import Outcome
+from gpsfsm.model.automaton import NodeKind, Reset, Signal, Tie
+from gpsfsm.model.event import Event, Outcome
 
 if TYPE_CHECKING:
     from hypothesis.strategies import DrawFn
@@ -21,6 +22,7 @@ _OFTEN = st.sampled_from((True, True, True, False))
 _SELDOM = st.sampled_from((False, False, True))
 _OUTCOME = st.sampled_from(("SUCCEEDED", "FAILED"))
 PLAIN = frozenset({Outcome.SUCCEEDED, Outcome.FAILED})
+_NODES = (NodeKind.RUNNER, NodeKind.JOIN)
 
 
 def machine(*connections: str, **needs: int) -> nx.MultiDiGraph[Any]:
@@ -142,3 +144,31 @@ def outcomes(runners: int) -> st.SearchStrategy[list[frozenset[Outcome]]]:
     """The outcomes that each runner can have."""
     choices = [PLAIN, PLAIN, PLAIN | {Outcome.HANG}, frozenset({Outcome.SUCCEEDED})]
     return st.lists(st.sampled_from(choices), min_size=runners, max_size=runners)
+
+
+@st.composite
+def ties(draw: DrawFn, automaton: Automaton) -> list[Tie]:
+    """Disjoint ties; writers and resets are any runners and events."""
+    numbers = st.sampled_from(range(len(automaton.runners)))
+    left = draw(st.permutations(range(len(automaton.runners))))
+    events = [
+        Signal(node.index, event)
+        for node in automaton.nodes
+        if node.kind in _NODES
+        for event in ([Event.SUCCEEDED] if node.kind is NodeKind.JOIN else list(Event))
+    ]
+    result = []
+    while len(left) > 1 and len(result) < 2:
+        size = draw(st.integers(2, 3))
+        members, left = left[:size], left[size:]
+        result.append(
+            Tie(
+                tuple(sorted(members)),
+                tuple(sorted(draw(st.sets(numbers, max_size=1)))),
+                tuple(
+                    Reset(signal, tuple(sorted(draw(st.sets(st.sampled_from(sorted(members)))))))
+                    for signal in sorted(draw(st.sets(st.sampled_from(events), max_size=2)))
+                ),
+            )
+        )
+    return result

@@ -25,6 +25,7 @@ from tests.analysis.machines.random_machines import (
     machines,
     outcomes,
 )
+from tests.cases import many
 from tests.strategies import plans
 from tests.support import plan_of
 
@@ -130,7 +131,7 @@ def test_a_machine_with_too_many_configurations_is_inconclusive() -> None:
     assert len(Exploration(automaton, [PLAIN] * 9, limit=513).configurations) == 512
 
 
-@settings(max_examples=8)
+@settings(max_examples=many(8))
 @given(graph=machines(most_runners=3), data=st.data())
 def test_z3_and_the_search_agree(graph: Any, data: st.DataObject) -> None:
     plan, problems = machine_of(graph)
@@ -156,7 +157,7 @@ def test_z3_and_the_search_agree(graph: Any, data: st.DataObject) -> None:
     ]
 
 
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 @given(whole=plans(max_runners=6))
 def test_the_machine_of_a_plan_has_the_facts_of_the_plan(whole: oracle.P) -> None:
     automaton = compile_plan(plan_of(whole)).automaton

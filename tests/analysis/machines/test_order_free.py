@@ -28,6 +28,7 @@ from tests.analysis.machines.random_machines import (
     order_free_machines,
     outcomes,
 )
+from tests.cases import many
 
 
 def answers_of(graph: Any, allowed: list[frozenset[Outcome]] | None = None) -> Answers | None:
@@ -107,7 +108,7 @@ def test_two_ways_that_disagree() -> None:
         require_agreement(one, other)
 
 
-@settings(max_examples=40)
+@settings(max_examples=many(40))
 @given(graph=order_free_machines(most_runners=6), data=st.data())
 def test_z3_and_the_search_agree(graph: Any, data: st.DataObject) -> None:
     automaton = automaton_of(graph)

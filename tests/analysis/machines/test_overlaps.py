@@ -12,6 +12,7 @@ from gpsfsm.analysis.machines.search import Exploration
 from gpsfsm.capabilities.library import bind, builtin_capabilities
 from gpsfsm.compile.machines import machine_of
 from tests.analysis.machines.random_machines import PLAIN, machines
+from tests.cases import many
 from tests.equivalence.machine_brute import Played
 
 EVENTS = {1: "SUCCEEDED", 2: "FAILED"}
@@ -35,7 +36,7 @@ def met_by_brute_force(graph: Any) -> set[frozenset[str]]:
     return met
 
 
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 @given(machines())
 def test_all_that_meet_and_no_others(graph: Any) -> None:
     for _, data in graph.nodes(data=True):

@@ -16,6 +16,7 @@ from gpsfsm.checking.machine_check import decide_machine
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.syntax import parse
+from tests.cases import many
 from tests.strategies import constraints, plans
 from tests.support import plan_of
 
@@ -109,7 +110,7 @@ def constrained_plans(draw: st.DrawFn) -> tuple[oracle.P, frozenset[str], bool, 
     return whole, faults, draw(st.booleans()), [] if assumed is None else [str(assumed)]
 
 
-@settings(max_examples=20)
+@settings(max_examples=many(20))
 @given(constrained_plans())
 def test_what_ties_runners_together_means_the_same(
     case: tuple[oracle.P, frozenset[str], bool, list[str]],

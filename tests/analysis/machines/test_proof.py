@@ -21,6 +21,7 @@ from tests.analysis.machines.random_machines import (
     machines,
     outcomes,
 )
+from tests.cases import many
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -127,7 +128,7 @@ def test_what_is_compared_with_is_proved_too() -> None:
         prove(exploration)
 
 
-@settings(max_examples=25)
+@settings(max_examples=many(25))
 @given(graph=machines(most_runners=4), data=st.data())
 def test_explorations_are_proved(graph: Any, data: st.DataObject) -> None:
     automaton = automaton_of(graph)

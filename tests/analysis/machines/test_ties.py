@@ -15,16 +15,16 @@ from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.checking.machine_check import never
 from gpsfsm.compile.instants import FAILED, SUCCEEDED
 from gpsfsm.errors import InternalError
-from gpsfsm.model.automaton import NodeKind, Reset, Signal, Tie
+from gpsfsm.model.automaton import Reset, Signal, Tie
 from gpsfsm.model.event import Event, Outcome
-from tests.analysis.machines.random_machines import automaton_of, machine, machines
+from tests.analysis.machines.random_machines import automaton_of, machine, machines, ties
+from tests.cases import many
 from tests.oracle import machines as oracle
 
 if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton
 
 PLAIN = frozenset({Outcome.SUCCEEDED, Outcome.FAILED})
-NODES = (NodeKind.RUNNER, NodeKind.JOIN)
 
 
 def proved(exploration: Exploration, *claims: str) -> None:
@@ -33,34 +33,6 @@ def proved(exploration: Exploration, *claims: str) -> None:
     formulas = Formulas(exploration.automaton, exploration.allowed_outcomes, ties)
     nothing = never(Judge(exploration).facts(), formulas)
     Completeness(exploration, formulas).require([*nothing, *claims], rlimit=100_000_000)
-
-
-@st.composite
-def ties(draw: Any, automaton: Automaton) -> list[Tie]:
-    """Disjoint ties; writers and resets are any runners and events."""
-    numbers = st.sampled_from(range(len(automaton.runners)))
-    left = draw(st.permutations(range(len(automaton.runners))))
-    events = [
-        Signal(node.index, event)
-        for node in automaton.nodes
-        if node.kind in NODES
-        for event in ([Event.SUCCEEDED] if node.kind is NodeKind.JOIN else list(Event))
-    ]
-    result = []
-    while len(left) > 1 and len(result) < 2:
-        size = draw(st.integers(2, 3))
-        members, left = left[:size], left[size:]
-        result.append(
-            Tie(
-                tuple(sorted(members)),
-                tuple(sorted(draw(st.sets(numbers, max_size=1)))),
-                tuple(
-                    Reset(signal, tuple(sorted(draw(st.sets(st.sampled_from(sorted(members)))))))
-                    for signal in sorted(draw(st.sets(st.sampled_from(events), max_size=2)))
-                ),
-            )
-        )
-    return result
 
 
 def names_of(automaton: Automaton) -> list[str]:
@@ -94,7 +66,7 @@ def of_the_oracle(automaton: Automaton, rows: list[Tie]) -> list[oracle.Tie]:
     ]
 
 
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(graph=machines(most_runners=4), data=st.data())
 def test_facts_under_ties_are_those_of_the_brute_force(graph: Any, data: st.DataObject) -> None:
     automaton = automaton_of(graph)

@@ -18,6 +18,7 @@ from gpsfsm.analysis.proof.prove import prove
 from gpsfsm.compile import compile_plan
 from gpsfsm.errors import InternalError
 from gpsfsm.model.report import By, Frequency
+from tests.cases import many
 from tests.strategies import plans
 from tests.support import plan_of
 
@@ -46,7 +47,7 @@ def proposed(deciders: Deciders) -> dict[str, Any]:
 
 
 @either
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(whole=plans(min_runners=1))
 def test_right_answers_are_proved(up_to: int, whole: oracle.P) -> None:
     deciders = deciders_of(whole, up_to)
@@ -63,7 +64,7 @@ def test_right_answers_are_proved(up_to: int, whole: oracle.P) -> None:
 
 
 @either
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 @given(whole=plans(min_runners=2, max_runners=8), data=st.data())
 def test_right_answers_under_assumptions_are_proved(
     up_to: int, whole: oracle.P, data: st.DataObject
@@ -109,7 +110,7 @@ def wrong(answers: Mapping[str, Any], runners: int, blocks: int) -> Iterator[dic
 
 
 @either
-@settings(max_examples=30)
+@settings(max_examples=many(30))
 @given(whole=plans(min_runners=1, max_runners=6))
 def test_a_wrong_answer_is_never_proved(up_to: int, whole: oracle.P) -> None:
     right = deciders_of(whole, up_to)

@@ -29,7 +29,7 @@ from tests.analysis.rules.support import COMPLETE, GO_THERE, LIBRARY, findings, 
         (
             "nav/Teleport",
             "no file describes the interface 'nav/Teleport'",
-            "'nav' has nav/Crawl, nav/Go, nav/Locate",
+            "use one of 'nav': nav/Crawl, nav/Go, nav/Locate",
         ),
         (
             "voice/Listen",
@@ -39,7 +39,7 @@ from tests.analysis.rules.support import COMPLETE, GO_THERE, LIBRARY, findings, 
         (
             "nav/&#x202e;",
             "no file describes the interface 'nav/\\u202e'",
-            "'nav' has nav/Crawl, nav/Go, nav/Locate",
+            "use one of 'nav': nav/Crawl, nav/Go, nav/Locate",
         ),
     ],
 )
@@ -87,7 +87,7 @@ def test_a_hint_comes_from_all_packages_of_a_complete_library() -> None:
             2,
             "error",
             "there is no interface 'sea/Swim'",
-            "'gpsfsm capabilities list' shows the interfaces that there are",
+            "run 'gpsfsm capabilities list' to see all interfaces",
         )
     ]
 
@@ -148,7 +148,7 @@ def test_a_missing_interface_is_left_to_gp107() -> None:
             "voice/Say",
             "error",
             "'voice/Say' implements 'voice/Say', not 'voice/Sing'",
-            "no provider of this interface is described; name one that is",
+            "name a provider of this interface; no capability file describes one",
         ),
         (
             "voice/Say",
@@ -161,24 +161,24 @@ def test_a_missing_interface_is_left_to_gp107() -> None:
             "nav/Go",
             "old_nav/Go",
             "warning",
-            "the interface is 'nav/Go' and the provider 'old_nav/Go': these are spellings of "
-            "different dialects",
+            "the interface is 'nav/Go' but the provider is 'old_nav/Go': these "
+            "names belong to different dialects",
             "write 'nav/Go'",
         ),
         (
             "old_nav/Go",
             "nav/Go",
             "warning",
-            "the interface is 'old_nav/Go' and the provider 'nav/Go': these are spellings of "
-            "different dialects",
+            "the interface is 'old_nav/Go' but the provider is 'nav/Go': these "
+            "names belong to different dialects",
             "write 'nav/Go'",
         ),
         (
             "old_nav/Go",
             "older_nav/Go",
             "warning",
-            "the interface is 'old_nav/Go' and the provider 'older_nav/Go': these are spellings "
-            "of different dialects",
+            "the interface is 'old_nav/Go' but the provider is 'older_nav/Go': "
+            "these names belong to different dialects",
             "write 'nav/Go'",
         ),
     ],
@@ -247,8 +247,8 @@ def test_what_the_provider_implements_is_told() -> None:
     step = runner("lift/Say", provider="nav/Run")
     (first,) = findings("GP212", GO_THERE, step, step)
     assert first.message == (
-        "no file describes the interface 'lift/Say', and its provider 'nav/Run' implements "
-        "'nav/Go' (and 1 more runner)"
+        "no file describes the interface 'lift/Say', but its provider 'nav/Run' "
+        "implements 'nav/Go' (and 1 more runner)"
     )
     assert first.hint == "write 'nav/Go', or name a provider of 'lift/Say'"
     assert (first.location.line, first.location.column, first.length) == (3, 9, 9)

@@ -14,42 +14,45 @@ from tests.analysis.rules.support import GO_THERE, HEAR_IT, findings, runner, to
     [
         (
             runner("nav/Go", 'x="1" y="1" colour="red"'),
-            "Go has no parameter 'colour': what is written there is ignored",
-            "it takes 'x', 'y', 'speed', 'tries', 'gait', 'careful', 'tags' and 'note'",
+            "Go has no parameter 'colour': its value is ignored",
+            (
+                "use one of its parameters: 'x', 'y', 'speed', 'tries', 'gait', "
+                "'careful', 'tags' and 'note'"
+            ),
         ),
         (
             runner("nav/Go", 'x="1" y="1" sped="2"'),
-            "Go has no parameter 'sped': what is written there is ignored",
+            "Go has no parameter 'sped': its value is ignored",
             "write 'speed' instead",
         ),
         (
             runner("nav/Go", 'x="1" pose_y="1"'),
-            "Go has no parameter 'pose_y', but it needs 'y'",
+            "Go has no parameter 'pose_y', but needs 'y'",
             "write 'y' instead",
         ),
         (
             runner("voice/Say", 'Text="hello"'),
-            "Say has no parameter 'Text', but it needs 'text'",
+            "Say has no parameter 'Text', but needs 'text'",
             "write 'text' instead",
         ),
         (
             runner("voice/Say", 'text="hello" feeling="glad"'),
-            "Say has no parameter 'feeling': what is written there is ignored",
+            "Say has no parameter 'feeling': its value is ignored",
             "write 'mood' instead",
         ),
         (
             runner("voice/Say", 'text="hello" frames="map"'),
-            "Say has no parameter 'frames': what is written there is ignored",
+            "Say has no parameter 'frames': its value is ignored",
             "remove it: 'frame' can only come from the step right before this one",
         ),
         (
             runner("nav/Go", 'x="1" y="1" velocity="1" speed="2"'),
-            "'speed' and 'velocity' are one parameter of Go: what 'velocity' says is ignored",
+            "'speed' and 'velocity' are one parameter of Go: the value of 'velocity' is ignored",
             "remove 'velocity'",
         ),
         (
             runner("voice/Hear", 'language="en"'),
-            "Hear has no parameter 'language': what is written there is ignored",
+            "Hear has no parameter 'language': its value is ignored",
             "remove it: this runner takes no parameters",
         ),
     ],
@@ -86,8 +89,8 @@ def test_missing_parameters() -> None:
         (
             2,
             "error",
-            "'x' and 'y' are missing: Go (speed=2) at line 2 needs them, and no such value can "
-            "arrive",
+            "'x' and 'y' are missing: Go (speed=2) at line 2 needs them, and no "
+            "other step can supply them",
             'write x="…" and y="…"',
         )
     ]
@@ -97,7 +100,7 @@ def test_a_parameter_that_arrives_is_not_missing() -> None:
     assert told("GP204", GO_THERE, runner("nav/Go", 'y="1"')) == []
     steps = [GO_THERE, HEAR_IT, runner("nav/Go", 'y="1"')]
     assert [message for _, _, message, _ in told("GP204", *steps)] == [
-        "'x' is missing: Go (y=1) at line 4 needs it, and no such value can arrive"
+        "'x' is missing: Go (y=1) at line 4 needs it, and no other step can supply it"
     ]
 
 
@@ -119,42 +122,40 @@ def test_what_may_not_be_missing_is_left_alone() -> None:
 @pytest.mark.parametrize(
     ("words", "message", "hint"),
     [
-        ('careful="True"', 'careful="True" is neither true nor false', 'write careful="true"'),
-        ('careful="1"', 'careful="1" is neither true nor false', 'write careful="true"'),
-        ('careful="no"', 'careful="no" is neither true nor false', 'write careful="false"'),
+        ('careful="True"', 'careful to be true or false, not "True"', 'write careful="true"'),
+        ('careful="1"', 'careful to be true or false, not "1"', 'write careful="true"'),
+        ('careful="no"', 'careful to be true or false, not "no"', 'write careful="false"'),
         (
             'careful=""',
-            'careful="" is neither true nor false',
+            'careful to be true or false, not ""',
             'write careful="true" or careful="false"',
         ),
-        ('tries="1.0"', 'tries="1.0" is not an integer', 'write tries="1"'),
-        ('tries="two"', 'tries="two" is not an integer', 'write an integer, as in tries="3"'),
-        ('tries="1.5"', 'tries="1.5" is not an integer', 'write an integer, as in tries="3"'),
-        ('tries="true"', 'tries="true" is not an integer', 'write an integer, as in tries="3"'),
-        ('speed="1,5"', 'speed="1,5" is not a finite number', 'write speed="1.5"'),
-        ('speed="2 m"', 'speed="2 m" is not a finite number', 'write speed="2"'),
+        ('tries="1.0"', 'tries to be an integer, not "1.0"', 'write tries="1"'),
+        ('tries="two"', 'tries to be an integer, not "two"', 'write an integer, as in tries="3"'),
+        ('tries="1.5"', 'tries to be an integer, not "1.5"', 'write an integer, as in tries="3"'),
+        ('tries="true"', 'tries to be an integer, not "true"', 'write an integer, as in tries="3"'),
+        ('speed="1,5"', 'speed to be a finite number, not "1,5"', 'write speed="1.5"'),
+        ('speed="2 m"', 'speed to be a finite number, not "2 m"', 'write speed="2"'),
         (
             'speed="nan"',
-            'speed="nan" is not a finite number',
+            'speed to be a finite number, not "nan"',
             'write a number, as in speed="1.5"',
         ),
         (
             'velocity="fast"',
-            'velocity="fast" is not a finite number',
+            'velocity to be a finite number, not "fast"',
             'write a number, as in velocity="1.5"',
         ),
         (
             'speed="about $a"',
-            'speed="about $a" is not a finite number',
+            'speed to be a finite number, not "about $a"',
             'write a number, as in speed="1.5"',
         ),
     ],
 )
 def test_a_mistyped_parameter(words: str, message: str, hint: str) -> None:
     step = runner("nav/Go", f'x="1" y="1" {words}')
-    assert told("GP205", step) == [
-        (2, "error", f"{message}, and Go takes nothing else there", hint)
-    ]
+    assert told("GP205", step) == [(2, "error", f"Go expects {message}", hint)]
     assert told("GP206", step) == []
     assert told("GP207", step) == []
 
@@ -186,29 +187,29 @@ def test_a_value_that_fits(words: str) -> None:
 @pytest.mark.parametrize(
     ("words", "message", "hint"),
     [
-        ('x="11" y="1"', 'x="11" is not allowed: Go takes -10 to 10 there', None),
-        ('x="-1e9" y="1"', 'x="-1e9" is not allowed: Go takes -10 to 10 there', None),
+        ('x="11" y="1"', 'x="11" is not allowed: Go accepts -10 to 10', None),
+        ('x="-1e9" y="1"', 'x="-1e9" is not allowed: Go accepts -10 to 10', None),
         (
             'x="1" y="1" velocity="-1"',
-            'velocity="-1" is not allowed: Go takes at least 0 there',
+            'velocity="-1" is not allowed: Go accepts at least 0',
             None,
         ),
-        ('x="1" y="1" tries="4"', 'tries="4" is not allowed: Go takes at most 3 there', None),
+        ('x="1" y="1" tries="4"', 'tries="4" is not allowed: Go accepts at most 3', None),
         (
             'x="1" y="1" gait="Walk"',
-            "gait=\"Walk\" is not allowed: Go takes 'walk' or 'creep' there",
+            "gait=\"Walk\" is not allowed: Go accepts 'walk' or 'creep'",
             "write 'walk'",
         ),
         (
             'x="1" y="1" gait="7"',
-            "gait=\"7\" is not allowed: Go takes 'walk' or 'creep' there",
+            "gait=\"7\" is not allowed: Go accepts 'walk' or 'creep'",
             None,
         ),
     ],
 )
 def test_a_value_out_of_range(words: str, message: str, hint: str | None) -> None:
     assert told("GP206", runner("nav/Go", words)) == [
-        (2, "error", message, hint or "write a value that is allowed")
+        (2, "error", message, hint or "write an allowed value")
     ]
 
 

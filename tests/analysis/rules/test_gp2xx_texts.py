@@ -29,8 +29,9 @@ from tests.support import plan_of
 
 WRITE = "write the value itself"
 TRAVELS = (
-    "write the value itself; or put a step that gives {} right before this one: a value arrives "
-    "from there alone, and under the parameter's own name"
+    "write the value itself, or put a step that outputs {} right before this "
+    "one: a value arrives only from there, and only under the parameter's own "
+    "name"
 )
 
 
@@ -54,7 +55,7 @@ def test_a_placeholder_that_is_used_as_it_is_written() -> None:
             3,
             "error",
             "proved",
-            "nothing ever fills the placeholder '${nav/Go.note}': Say uses text as it is written",
+            "the placeholder '${nav/Go.note}' is never filled in: Say takes 'text' literally",
             TRAVELS.format("'text'"),
         )
     ]
@@ -71,7 +72,7 @@ def test_a_placeholder_in_longer_text_is_a_guess() -> None:
             2,
             "warning",
             "heuristic",
-            "'{name}' in text looks like a placeholder, and nothing ever fills one",
+            "'{name}' in 'text' looks like a placeholder, but is never filled in",
             TRAVELS.format("'text'"),
         )
     ]
@@ -85,9 +86,9 @@ def test_a_placeholder_that_is_always_overwritten_is_harmless() -> None:
             3,
             "info",
             "proved",
-            "the placeholder '$text' in text is harmless here, because the value that comes from "
-            "Hear at line 2 replaces it",
-            "leave text out: it is the name alone that makes the value arrive",
+            "the placeholder '$text' in 'text' is harmless, because a value from "
+            "Hear at line 2 always replaces it",
+            "remove 'text': the value arrives by its name alone",
         )
     ]
 
@@ -95,8 +96,8 @@ def test_a_placeholder_that_is_always_overwritten_is_harmless() -> None:
 def test_a_placeholder_that_may_be_overwritten() -> None:
     step = runner("nav/Go", 'x="1" y="1" note="$note"')
     expected = (
-        "nothing ever fills the placeholder '$note': Go uses note as it is written, unless a "
-        "value of the name 'note' arrives"
+        "the placeholder '$note' is never filled in: Go takes 'note' literally, "
+        "unless a value named 'note' arrives"
     )
     for first, advice in ((GO_THERE, WRITE), (runner("lift/Go"), TRAVELS.format("'note'"))):
         ((line, severity, _, message, hint),) = placeholders(first, step)
@@ -115,7 +116,7 @@ def test_no_advice_for_a_value_that_cannot_arrive() -> None:
 def test_a_placeholder_of_an_undescribed_runner() -> None:
     ((_, severity, confidence, message, hint),) = placeholders(runner("lift/Go", 'to="$floor"'))
     assert (severity, confidence, hint) == ("warning", "heuristic", WRITE)
-    assert message == "nothing ever fills the placeholder '$floor': Go uses to as it is written"
+    assert message == "the placeholder '$floor' is never filled in: Go takes 'to' literally"
     for before, advice in ((runner("nav/Crawl"), TRAVELS.format("'text'")), (HEAR_IT, WRITE)):
         ((*_, hint),) = placeholders(before, runner("lift/Go", 'text="$text"'))
         assert hint == advice
@@ -150,9 +151,12 @@ def test_another_dialect_is_told_once_per_package() -> None:
         (
             Severity.INFO,
             3,
-            "'old_voice/Say' is called 'voice/Say' here (1 more of this package likewise)",
+            (
+                "the plan mixes dialects: 'old_voice/Say' is another name of "
+                "'voice/Say' (and 1 more of this package)"
+            ),
         ),
-        (Severity.INFO, 6, "'old_nav/Go' is called 'nav/Go' here"),
+        (Severity.INFO, 6, "the plan mixes dialects: 'old_nav/Go' is another name of 'nav/Go'"),
     ]
     (related,) = found[0].related
     assert related.location.line == 5
@@ -191,17 +195,18 @@ def test_undescribed_runners_are_told_once() -> None:
     (finding,) = findings("GP210", GO_THERE, *map(runner, names), runner("lift/Go"))
     assert (finding.severity, finding.location.line) == (Severity.INFO, 3)
     assert finding.message == (
-        "no file tells what 'lift/Go', 'nav/Locate', 'bot/Fly' and 2 more need, give and do, so "
-        "none of that is checked"
+        "no capability file describes 'lift/Go', 'nav/Locate', 'bot/Fly' and 2 "
+        "more, so their parameters, outputs and effects are not checked"
     )
     assert [related.location.line for related in finding.related] == [4, 5, 6, 7]
-    told_hint = "name the folder of the robot's capability files with --capabilities DIR"
-    assert finding.hint == f"{told_hint}; if 'bot/Go' is meant, write that"
+    told_hint = "pass the folder of the robot's capability files with --capabilities DIR"
+    assert finding.hint == f"{told_hint}, or write 'bot/Go' if that is what you mean"
     assert told("GP210", runner("lift/Stop")) == [
         (
             2,
             "info",
-            "no file tells what 'lift/Stop' needs, gives and does, so none of that is checked",
+            "no capability file describes 'lift/Stop', so its parameters, outputs and effects are "
+            "not checked",
             told_hint,
         )
     ]

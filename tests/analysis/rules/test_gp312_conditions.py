@@ -39,8 +39,8 @@ def test_a_condition_as_recovery() -> None:
             "warning",
             "this recovery does not depend on what Note (uuid=a) at line 4 says: this prompt never "
             "fails, so the recovery runs only if Drive at line 3 fails",
-            "let the model decide: flush the prompt with a runner that asks for a plan, and set "
-            "that plan; or guard the step whose failure is meant",
+            "let the model decide (flush the prompt with a runner that asks for "
+            "a plan, and set that plan), or guard the step whose failure you mean",
         )
     ]
     finding = only("GP312", *steps)
@@ -189,13 +189,13 @@ def test_a_question_that_is_answered_in_words() -> None:
     assert found[:3] == (
         3,
         "warning",
-        "Look (ask=Is the door open?) at line 2 succeeds whatever the answer is: this recovery "
-        "runs only if no answer can be had at all",
+        "Look (ask=Is the door open?) at line 2 succeeds whatever the answer is, "
+        "so this recovery runs only if there is no answer at all",
     )
     assert found[3].startswith("let the model decide")  # this robot has no runner that checks
     (found,) = told("GP312", LOOK, PLAIN, library=library(*EYES.providers, CHECKS))
     assert found[3] == (
-        "ask with a Check, which fails if the answer is no, and put the recovery behind it"
+        "ask with a Check, which fails if the answer is no, and put the recovery after it"
     )
     only_checks = library(*LIBRARY.providers, CHECKS)
     asked = runner("eye/Check", 'prompt="Is the door open?"')
@@ -248,7 +248,7 @@ def test_a_question_before_other_steps_counts_if_the_recovery_is_named_after_it(
     block = control("sequential", LOOK, DRIVE)
     assert seen(block, PLAIN) == []
     (found,) = told("GP312", block, control('recovery" name="not_open', DRIVE), library=EYES)
-    assert found[2].endswith("if no answer can be had at all, or Drive at line 4 fails")
+    assert found[2].endswith("if there is no answer at all, or Drive at line 4 fails")
     failed = control('recovery" name="if_not_failed', DRIVE)
     other = control("sequential", DRIVE, LOOK)
     assert seen(other, PLAIN) == [6]

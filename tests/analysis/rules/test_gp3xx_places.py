@@ -31,7 +31,7 @@ def test_a_recovery_without_runners_needs_no_more_words_than_that_it_is_empty() 
 
 
 def test_all_that_never_runs_is_counted() -> None:
-    lead = "this recovery has nothing before it to recover from, so "
+    lead = "this recovery has no step before it to recover from, so "
     (one,) = shown("GP307", control("recovery", A))
     idle = "; the plan has no other steps, so it completes without doing anything"
     assert one == (2, f"{lead}Move (to=a) at line 3 never runs{idle}")

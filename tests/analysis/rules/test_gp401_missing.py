@@ -58,8 +58,8 @@ LIBRARY = library(
 )
 LOOK, DRIVE, TELL = runner("eye/Look"), runner("base/Drive"), runner("voice/Tell")
 GLANCE, TRY, KEEP = runner("eye/Glance"), runner("eye/Try"), runner("mind/Keep")
-WRITE = 'write text="…" in the plan, or put a step that gives it right before this one'
-PUT = "put a step that gives it right before this one, with no control and no recovery between"
+WRITE = 'write text="…" in the plan, or put a step that outputs it right before this one'
+PUT = "put a step that outputs it right before this one, with no control or recovery in between"
 
 
 def missing(*steps: str, **options: Any) -> list[Finding]:
@@ -76,8 +76,7 @@ def test_nothing_comes_before_it() -> None:
         (
             2,
             "error",
-            "Tell at line 2 needs 'text', and nothing gives it: nothing comes before it that could "
-            "hand over a value",
+            "Tell at line 2 needs 'text', but no step provides it: there is no step before it",
             WRITE,
         )
     ]
@@ -96,42 +95,42 @@ def test_nothing_comes_before_it() -> None:
         (
             [LOOK, DRIVE, TELL],
             4,
-            "Drive at line 3, which comes right before it, gives nothing",
+            "Drive at line 3, the step right before it, outputs nothing",
             [2],
         ),
-        ([TRY, TELL], 3, "Try at line 2, which comes right before it, gives only 'seen'", []),
+        ([TRY, TELL], 3, "Try at line 2, the step right before it, outputs only 'seen'", []),
         (
             [LOOK, control("recovery", DRIVE), TELL],
             6,
-            "no value gets past the end of the recovery at line 3",
+            "no value passes the end of the recovery at line 3",
             [2],
         ),
         (
             [control("parallel_all", LOOK, LOOK), TELL],
             6,
-            "no value gets past the end of the parallel_all at line 2",
+            "no value passes the end of the parallel_all at line 2",
             [3, 4],
         ),
         (
             [control("parallel_any", DRIVE, LOOK), TELL],
             6,
-            "no value gets past the end of the parallel_any at line 2",
+            "no value passes the end of the parallel_any at line 2",
             [4],
         ),
         (
             [runner("mind/Keep", 'text="hello"')],
             2,
-            "what the plan writes does not count, it takes the value from the step before it",
+            "it takes the value only from the step before it, not from the plan",
             [],
         ),
-        ([LOOK, runner("mind/Set")], 3, "only what the plan writes counts", []),
+        ([LOOK, runner("mind/Set")], 3, "only the plan itself can set it", []),
     ],
 )
 def test_why_nothing_gives_it(steps: list[str], line: int, reason: str, related: list[int]) -> None:
     found = only(*steps)
     assert found.location.line == line
-    assert found.message.partition(", and nothing gives it: ")[2] == reason
-    text = "gives 'text', but only to its direct successor"
+    assert found.message.partition(", but no step provides it: ")[2] == reason
+    text = "outputs 'text', but only to its direct successor"
     assert places(found) == [(number, text) for number in related]
 
 
@@ -142,8 +141,8 @@ def test_only_the_two_nearest_that_give_it_are_named() -> None:
 def test_a_value_that_comes_only_sometimes() -> None:
     found = only(GLANCE, TELL)
     assert found.message == (
-        "Tell at line 3 needs 'text', and nothing gives it in every run: Glance at line 2 gives it "
-        "only sometimes"
+        "Tell at line 3 needs 'text', but not every run provides it: Glance at "
+        "line 2 outputs it only sometimes"
     )
     assert (found.severity, found.hint) == (Severity.ERROR, WRITE)
 
@@ -151,14 +150,14 @@ def test_a_value_that_comes_only_sometimes() -> None:
 def test_several_needs_are_one_finding() -> None:
     found = only(DRIVE, runner("mind/Two"))
     assert found.message == (
-        "Two at line 3 needs 'a' and 'b', and nothing gives them: Drive at line 2, which comes "
-        "right before it, gives nothing"
+        "Two at line 3 needs 'a' and 'b', but no step provides them: Drive at "
+        "line 2, the step right before it, outputs nothing"
     )
     assert found.hint == (
-        "write a=\"…\" in the plan, and put a step that gives 'b' right before this one"
+        "write a=\"…\" in the plan, and put a step that outputs 'b' right before this one"
     )
     found = only(runner("mind/Two", 'first="1"'))
-    assert "needs 'b', and" in found.message
+    assert "needs 'b', but" in found.message
     assert found.hint == PUT
 
 
@@ -183,7 +182,7 @@ def test_a_failure_hands_over_its_own_outputs() -> None:
     assert missing(TRY, control("recovery", TELL)) == []
     found = only(LOOK, control("recovery", TELL))
     assert found.message.endswith(
-        "it runs when Look at line 2 has failed, which gives nothing then"
+        "it runs after Look at line 2 has failed, which outputs nothing in that case"
     )
     assert places(found) == []
     assert story(found) == ["COMPLETED", "Look at line 2 fails", "Tell at line 4 is running"]
@@ -195,7 +194,7 @@ def test_the_chain_of_starts_hands_over_nothing() -> None:
     found = only(*steps, faults=("no-start",))
     assert found.location.line == 5
     assert found.message.endswith(
-        "it runs as soon as Tell at line 4 has started, which gives nothing yet"
+        "it runs as soon as Tell at line 4 has started, which outputs nothing at that point"
     )
 
 

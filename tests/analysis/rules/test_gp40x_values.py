@@ -75,19 +75,20 @@ def test_a_lost_value() -> None:
         (
             4,
             "error",
-            "'$text' is used as it is written: what Look at line 2 gives as 'text' never gets "
-            "here, because a value reaches the direct successor only, here Drive at line 3",
-            "put the runner that needs the value right behind the one that gives it",
+            "'$text' is taken literally: the output 'text' of Look at line 2 "
+            "does not reach this step, because an output reaches only the direct "
+            "successor, here Drive at line 3",
+            "put the runner that needs the value right after the one that outputs it",
         )
     ]
     finding = only("GP402", LOOK, DRIVE, ASK)
     assert (finding.location.column, finding.length) == (54, 4)
     assert finding.location.element == "/Plan/Runner[3]"
-    assert places(finding) == [(2, "gives 'text'")]
+    assert places(finding) == [(2, "outputs 'text'")]
 
 
-RECOVERY = "no value gets past the end of the recovery at line 3"
-PARALLEL = "no value gets past the end of the parallel_all at line 2"
+RECOVERY = "no value passes the end of the recovery at line 3"
+PARALLEL = "no value passes the end of the parallel_all at line 2"
 
 
 @pytest.mark.parametrize(
@@ -99,43 +100,43 @@ PARALLEL = "no value gets past the end of the parallel_all at line 2"
         (
             [TRY, control("recovery", DRIVE), ASK],
             "Try at line 2",
-            "a value reaches the direct successor only, here Drive at line 4",
+            "an output reaches only the direct successor, here Drive at line 4",
         ),
         (
             [LOOK, SNIFF, control("recovery", ASK)],
             "Sniff at line 3",
-            "it is only given on success, and this step runs after a failure",
+            "it is output only on success, and this step runs after a failure",
         ),
         (
             [LOOK, SNIFF, DRIVE, ASK],
             "Sniff at line 3",
-            "a value reaches the direct successor only, here Drive at line 4",
+            "an output reaches only the direct successor, here Drive at line 4",
         ),
         (
             [GLANCE, DRIVE, ASK],
             "Glance at line 2",
-            "a value reaches the direct successor only, here Drive at line 3",
+            "an output reaches only the direct successor, here Drive at line 3",
         ),
     ],
 )
 def test_where_a_value_gets_lost(steps: list[str], giver: str, reason: str) -> None:
     (finding,) = found("GP402", *steps)
-    assert f"what {giver} gives as 'text' never gets here" in finding.message
+    assert f"the output 'text' of {giver} does not reach this step" in finding.message
     assert finding.message.partition(", because ")[2] == reason
 
 
 def test_the_giver_that_the_placeholder_names_is_meant() -> None:
     named = runner("voice/Tell", 'text="${eye/Look.text}"')
-    assert "what Look at line 2 gives" in only("GP402", LOOK, SNIFF, DRIVE, named).message
-    assert "what Look at line 4 gives" in only("GP402", LOOK, SNIFF, LOOK, DRIVE, named).message
+    assert "of Look at line 2 does" in only("GP402", LOOK, SNIFF, DRIVE, named).message
+    assert "of Look at line 4 does" in only("GP402", LOOK, SNIFF, LOOK, DRIVE, named).message
 
 
 def test_the_giver_right_before_is_meant_before_the_nearest() -> None:
     steps = TRY, control("sequential", SNIFF, control("recovery", DRIVE)), ASK
-    assert "what Sniff at line 4 gives" in only("GP402", *steps).message
+    assert "of Sniff at line 4 does" in only("GP402", *steps).message
     assert only("GP402", SNIFF, DRIVE, TRY, ASK).message.endswith(
-        "what Try at line 4 gives as 'text' never gets here, because it is only given on failure, "
-        "and this step runs after a success"
+        "the output 'text' of Try at line 4 does not reach this step, because it "
+        "is output only on failure, and this step runs after a success"
     )
 
 
@@ -184,21 +185,20 @@ def test_an_overwritten_literal() -> None:
         (
             3,
             "warning",
-            "what the plan writes for 'text' is always replaced: Look at line 2 gives a value of "
-            "that name, and that one counts",
-            "remove the attribute if the value that arrives is the right one; else put a step that "
-            "gives no such value between the two",
+            "the value written for 'text' is always replaced by the output of Look at line 2",
+            "remove the attribute if the incoming value is the right one; "
+            "otherwise put a step that outputs no such value between the two",
         )
     ]
     finding = only("GP403", LOOK, SAY)
     assert (finding.location.column, finding.length) == (54, 4)
-    assert places(finding) == [(2, "gives 'text'")]
+    assert places(finding) == [(2, "outputs 'text'")]
     assert finding.scenario is None
 
 
 def test_a_literal_that_is_overwritten_sometimes() -> None:
     assert only("GP403", GLANCE, SAY).message.startswith(
-        "what the plan writes for 'text' is sometimes replaced: Glance at line 2 gives"
+        "the value written for 'text' is sometimes replaced by the output of Glance at line 2"
     )
 
 
@@ -206,15 +206,17 @@ def test_several_values_that_are_overwritten_are_one_finding() -> None:
     steps = runner("eye/Measure"), runner("mind/Want", 'text="1" list="a"')
     finding = only("GP403", *steps)
     assert finding.message == (
-        "what the plan writes for 'text' and 'list' is always replaced: Measure at line 2 gives "
-        "values of these names, and those count"
+        "the values written for 'text' and 'list' are always replaced by the "
+        "outputs of Measure at line 2"
     )
-    assert places(finding) == [(2, "gives 'text' and 'list'")]
+    assert places(finding) == [(2, "outputs 'text' and 'list'")]
 
 
 def test_a_failure_overwrites_too() -> None:
     finding = only("GP403", TRY, control("recovery", SAY))
-    assert finding.message.startswith("what the plan writes for 'text' is always replaced: Try at")
+    assert finding.message.startswith(
+        "the value written for 'text' is always replaced by the output of Try at"
+    )
     assert story(finding) == [
         "COMPLETED",
         "Try at line 2 fails",
@@ -258,18 +260,17 @@ def test_an_unused_output() -> None:
         (
             2,
             "info",
-            "nothing uses what Look at line 2 gives: 'text'",
-            "put a runner that uses the value right behind it; "
-            "nothing, if only its success matters",
+            "nothing uses the output of Look at line 2: 'text'",
+            "put a runner that uses the value right after it; nothing if only its success matters",
         )
     ]
 
 
 def test_unused_outputs_are_told_once_per_interface() -> None:
     first, second = found("GP404", LOOK, SNIFF, LOOK, DRIVE, LOOK)
-    assert first.message == "nothing uses what Look at line 2 gives: 'text' (2 more like this)"
+    assert first.message == "nothing uses the output of Look at line 2: 'text' (2 more like this)"
     assert [line for line, _ in places(first)] == [4, 6]
-    assert second.message == "nothing uses what Sniff at line 3 gives: 'text'"
+    assert second.message == "nothing uses the output of Sniff at line 3: 'text'"
 
 
 @pytest.mark.parametrize(
@@ -298,7 +299,7 @@ def test_who_starts_beside_a_runner_reads_nothing(faults: tuple[str, ...]) -> No
     # With faults=no-start the second one is triggered by STARTED of the first.
     stranger = runner("lift/Go")
     finding = only("GP404", control("parallel_all", LOOK, stranger), faults=faults)
-    assert finding.message == "nothing uses what Look at line 3 gives: 'text'"
+    assert finding.message == "nothing uses the output of Look at line 3: 'text'"
     assert found("GP404", TRY, control("recovery", stranger), faults=faults) == []
     assert found("GP404", LOOK, stranger, faults=faults) == []
 
@@ -315,26 +316,26 @@ def test_an_alias_reads_nothing() -> None:
 
 def test_a_mismatched_value() -> None:
     measure, want = runner("eye/Measure"), runner("mind/Want")
-    hint = "put a step between the two that gives no value of this name"
+    hint = "put a step that outputs no value of this name between the two"
     assert told("GP405", measure, want, library=LIBRARY) == [
         (
             3,
             "error",
-            f"Want at line 3 expects '{name}' as {wanted}, and Measure at line 2 gives it as "
-            f"{given}",
+            f"Want at line 3 expects '{name}' of type {wanted}, but Measure at line 2 outputs "
+            f"it as {given}",
             hint,
         )
         for name, wanted, given in (("list", "string", "string[]"), ("text", "int", "double"))
     ]
     finding, _ = found("GP405", measure, want)
-    assert places(finding) == [(2, "gives 'list'")]
+    assert places(finding) == [(2, "outputs 'list'")]
 
 
 def test_a_mismatch_behind_a_failure_has_a_scenario() -> None:
     both = control("sequential", LOOK, runner("mind/Want"))
     finding = only("GP405", DRIVE, control("recovery", both))
     assert finding.message == (
-        "Want at line 6 expects 'text' as int, and Look at line 5 gives it as string"
+        "Want at line 6 expects 'text' of type int, but Look at line 5 outputs it as string"
     )
     assert story(finding) == [
         "COMPLETED",

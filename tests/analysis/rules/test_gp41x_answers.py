@@ -48,8 +48,8 @@ def test_a_flush_of_another_buffer() -> None:
 
 def test_a_flush_without_uuid() -> None:
     assert only("GP413", FILL, LONE).message == (
-        "Plan (flush=true) at line 3 sends no buffer: it has no uuid, but the prompts before it "
-        "wait in 'a', which nothing sends"
+        "Plan (flush=true) at line 3 has no uuid and sends no buffer, but the prompts "
+        "before it wait in 'a', which nothing sends"
     )
 
 
@@ -91,9 +91,9 @@ def test_an_empty_plan_is_set() -> None:
         (
             2,
             "error",
-            "Plan at line 2 only puts its prompt into a buffer, the model is not asked: so Follow "
-            "at line 3 sets an empty plan, and nothing follows",
-            'write flush="true" at the prompt, and the uuid of the prompts that belong to it',
+            "Plan at line 2 only buffers its prompt and does not ask the model, "
+            "so Follow at line 3 sets an empty plan and nothing follows",
+            'set flush="true" on the prompt, with the uuid of the prompts that belong to it',
         )
     ]
     finding = only("GP414", ASK, FOLLOW)
@@ -103,9 +103,7 @@ def test_an_empty_plan_is_set() -> None:
 
 def test_an_empty_text_is_used() -> None:
     steps = runner("model/Plan", 'uuid="a" flush="false"'), READ
-    assert only("GP414", *steps).message.endswith(
-        ": so Read at line 3 gets an empty text as 'plan'"
-    )
+    assert only("GP414", *steps).message.endswith(", so Read at line 3 receives an empty 'plan'")
 
 
 def test_an_empty_answer_behind_a_failure_has_a_scenario() -> None:

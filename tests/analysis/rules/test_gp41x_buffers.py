@@ -32,9 +32,9 @@ def test_a_buffer_that_nothing_flushes() -> None:
         (
             2,
             "warning",
-            "the model never gets the prompt of Note (uuid=a) at line 2 and Note (uuid=a) at line "
-            "4: nothing flushes the buffer 'a'",
-            'write flush="true" uuid="a" at the last prompt that belongs to it',
+            "the model never receives the prompt of Note (uuid=a) at line 2 and Note (uuid=a) at "
+            "line 4: nothing flushes the buffer 'a'",
+            'set flush="true" uuid="a" on the last prompt that belongs to it',
         )
     ]
     finding = only("GP411", FILL, DRIVE, FILL)
@@ -52,10 +52,10 @@ def test_each_buffer_is_told() -> None:
 
 def test_a_prompt_without_uuid_has_a_buffer_to_itself() -> None:
     message = (
-        "the model never gets the prompt of Note{} at line {}: without uuid and without flush it "
-        "waits in a buffer that nothing can flush"
+        "the model never receives the prompt of Note{} at line {}: without a "
+        "uuid and without flush, it stays in a buffer that nothing can flush"
     )
-    hint = 'write flush="true" to send it, or the uuid of a prompt that is flushed later'
+    hint = 'set flush="true" to send it, or give it the uuid of a prompt that is flushed later'
     silent = runner("model/Note", 'flush="false"')
     assert told("GP411", runner("model/Note"), LONE, silent, library=LIBRARY) == [
         (2, "warning", message.format("", 2), hint),
@@ -68,7 +68,7 @@ def test_a_prompt_without_uuid_has_a_buffer_to_itself() -> None:
     ]
 
 
-NOT_SENT = "the plan completes, and no flush of 'a' had to come after this prompt"
+NOT_SENT = "the plan completes, possibly without flushing 'a' after this prompt"
 
 
 @pytest.mark.parametrize(
@@ -91,11 +91,11 @@ def test_a_prompt_that_is_not_sent_in_some_run(
 ) -> None:
     finding = only("GP411", *steps)
     assert finding.message == (
-        f"the plan can complete without sending the prompt of Note (uuid=a) at line {line}: no "
-        "flush of 'a' comes after it in every run"
+        "the plan can complete without sending the prompt of Note (uuid=a) at "
+        f"line {line}: not every run flushes the buffer 'a' after it"
     )
     assert finding.hint == (
-        'put a prompt with flush="true" uuid="a" where every run gets to after this one'
+        'put a prompt with flush="true" uuid="a" where every run reaches it after this one'
     )
     ends, *sentences = story(finding)
     assert (ends, sentences[-1]) == ("COMPLETED", NOT_SENT)
@@ -210,8 +210,8 @@ def test_a_long_uuid_is_cut(code: str, steps: list[str]) -> None:
 # -- GP412 ----------------------------------------------------------------------------------
 
 SEND = (
-    "give the prompts that belong together the same uuid and put this one last; leave out the "
-    "uuid if it stands alone"
+    "give the prompts that belong together the same uuid and put this one last; "
+    "remove the uuid if no other prompt belongs to it"
 )
 
 
@@ -220,8 +220,8 @@ def test_a_buffer_that_nothing_fills() -> None:
         (
             line,
             "warning",
-            f"Plan (uuid=a, flush=true) at line {line} sends the buffer 'a', which this plan never "
-            "fills: the model gets this prompt alone",
+            f"Plan (uuid=a, flush=true) at line {line} sends the buffer 'a', "
+            "which this plan never fills: the model receives only this prompt",
             SEND,
         )
         for line in (2, 4)
@@ -246,13 +246,13 @@ def test_a_buffer_that_nothing_fills() -> None:
 def test_a_buffer_that_is_empty_in_some_run(steps: list[str], line: int, events: list[str]) -> None:
     finding = only("GP412", *steps)
     assert finding.message == (
-        f"Plan (uuid=a, flush=true) at line {line} can send the buffer 'a' before anything is in "
-        "it: the model then gets this prompt alone"
+        f"Plan (uuid=a, flush=true) at line {line} can send the buffer 'a' while "
+        "it is empty: the model then receives only this prompt"
     )
     ends, *sentences = story(finding)
     assert (ends, sentences[-1]) == (
         "COMPLETED",
-        "nothing had to be in the buffer 'a' when it was sent",
+        "the buffer 'a' may be empty when it is sent",
     )
     assert set(events) <= set(sentences)
 

@@ -71,7 +71,7 @@ def pairs(*steps: str, **options: Any) -> list[tuple[int, str, list[int]]]:
     return [
         (
             finding.location.line,
-            places(finding)[0][1].removeprefix("holds the "),
+            places(finding)[0][1].removeprefix("uses the "),
             [line for line, _ in places(finding)],
         )
         for finding in overlaps(*steps, **options)
@@ -82,35 +82,35 @@ def pairs(*steps: str, **options: Any) -> list[tuple[int, str, list[int]]]:
 def test_side_by_side(kind: str) -> None:
     finding = only(control(kind, go("a"), go("b")))
     assert finding.message == (
-        "Go (to=a) at line 3 and Go (to=b) at line 4 can be active at the same time, and each "
-        "needs the base for itself"
+        "Go (to=a) at line 3 and Go (to=b) at line 4 can be active at the same "
+        "time, but both need exclusive use of the base"
     )
     assert (finding.severity, finding.hint) == (Severity.ERROR, "run the two one after the other")
     assert (finding.location.line, finding.location.element) == (2, "/Plan/Control[1]")
-    assert places(finding) == [(3, "holds the base"), (4, "holds the base")]
+    assert places(finding) == [(3, "uses the base"), (4, "uses the base")]
     assert story(finding) == [
         "COMPLETED",
         "Go (to=a) at line 3 is running",
         "Go (to=b) at line 4 is running",
-        "both hold the base at the same time",
+        "both use the base at the same time",
     ]
 
 
 def test_left_behind_by_a_parallel_any() -> None:
     finding = only(control("parallel_any", go("a"), LOOK), HOME)
     assert finding.message == (
-        "Go (to=a) at line 3 can still be active when Go at line 6 starts, and each needs the base "
-        "for itself"
+        "Go (to=a) at line 3 can still be active when Go at line 6 starts, but "
+        "both need exclusive use of the base"
     )
     assert finding.location.line == 2
-    assert finding.hint.startswith("nothing stops the units that a parallel control leaves behind")
-    assert places(finding) == [(3, "holds the base"), (6, "holds the base")]
+    assert finding.hint.endswith("nothing stops the units that a parallel control leaves behind")
+    assert places(finding) == [(3, "uses the base"), (6, "uses the base")]
     assert story(finding) == [
         "COMPLETED",
         "Go (to=a) at line 3 is running",
         "Look at line 4 succeeds",
         "Go at line 6 is running",
-        "both hold the base at the same time",
+        "both use the base at the same time",
     ]
 
 
@@ -121,7 +121,7 @@ def test_left_behind_by_a_guarded_parallel_all() -> None:
         "Go (to=a) at line 3 is running",
         "Look at line 4 fails",
         "Go at line 7 is running",
-        "both hold the base at the same time",
+        "both use the base at the same time",
     ]
 
 
@@ -133,7 +133,7 @@ def test_two_recoveries_meet_if_both_are_needed() -> None:
         "Look at line 7 fails",
         "Say at line 5 is running",
         "Say at line 9 is running",
-        "both hold the speaker at the same time",
+        "both use the speaker at the same time",
     ]
     assert overlaps(guarded, assumptions=("never fails: line 3",)) == []
     assert overlaps(guarded, assumptions=("line 3 fails implies line 7 succeeds",)) == []
@@ -315,7 +315,7 @@ def test_every_decider_knows_scenarios_with_clocks() -> None:
         "Step at line 3 is running",
         "Wait (seconds=1.5) at line 5 succeeds",
         "Step at line 6 is running",
-        "both hold the base at the same time",
+        "both use the base at the same time",
     ]
     assert only(steps, library=TIMED, solver="z3") == only(steps, library=TIMED)
     assert only(steps, library=TIMED, solver="structural") == only(steps, library=TIMED)

@@ -21,7 +21,7 @@ def test_a_real_run_adds_its_allowance_once_and_for_each_action(
     found = [finding.message for finding in report.findings if finding.rule == "GP502"]
     assert bool(found) is late
     assert all(
-        "and 3 s are allowed for what a real run of up to 2 actions" in each for each in found
+        "plus 3 s for the overhead of a real run of up to 2 actions" in each for each in found
     )
 
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from tests.cases import many
 from tests.compile.fabric.brute import CONTROL, RUNNER, Node, comment, engine, text, to_xml
 from tests.compile.fabric.support import listed
 
@@ -69,13 +70,13 @@ def compare(children: tuple[Node, ...]) -> None:
 
 @given(st.lists(good, max_size=6).map(tuple))
 @example(())
-@settings(max_examples=200)
+@settings(max_examples=many(200))
 def test_plans(children: tuple[Node, ...]) -> None:
     compare(children)
 
 
 @given(any_children.map(tuple))
-@settings(max_examples=200)
+@settings(max_examples=many(200))
 def test_plans_with_faults(children: tuple[Node, ...]) -> None:
     compare(children)
 

@@ -14,6 +14,7 @@ from gpsfsm.compile.formats import format_of, langgraph
 from gpsfsm.compile.formats.python_source import FLEXBE, SMACH
 from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.syntax.source import DEFAULT_LIMITS
+from tests.cases import many
 from tests.compile.formats.python_machines import Part, active, enter, play, random_part, source
 from tests.oracle.machines import ACTIVE, Configuration, Machine
 
@@ -102,7 +103,7 @@ def _shown(top: Part, config: Any) -> Any:
 
 
 @pytest.mark.parametrize("tool", ["smach", "flexbe"])
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(many(60)))
 def test_a_machine_does_what_an_interpreter_of_its_tables_does(tool: str, seed: int) -> None:
     """After each sequence of ends of leaves the same leaves act, or it has ended the same."""
     random = Random(seed)  # noqa: S311  (no secrets here)
@@ -232,7 +233,7 @@ def test_mutated_sources_never_raise(tool: str) -> None:
     random = Random(7)  # noqa: S311  (no secrets here)
     module = SMACH if tool == "smach" else FLEXBE
     pieces = ["(", ")", "[]", "None", "'x'", "sm", ":", "\n", "{}", ",", "=", "0", "*", "self"]
-    for seed in range(40):
+    for seed in range(many(40)):
         text = source(random_part(random, "m", tool, 2), tool)
         for _ in range(6):
             lines = text.split("\n")

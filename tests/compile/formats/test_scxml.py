@@ -15,6 +15,7 @@ from gpsfsm.compile.formats.scxml import read
 from gpsfsm.compile.instants import COMPLETED, FAILED, SUCCEEDED, Instants
 from gpsfsm.model.choice import OWN
 from gpsfsm.syntax.source import DEFAULT_LIMITS
+from tests.cases import batches, many
 from tests.compile.formats.test_formats import CORPUS, closed
 from tests.oracle import P, to_xml
 from tests.strategies import plans
@@ -133,7 +134,7 @@ class RandomChart:
         return name
 
 
-@pytest.mark.parametrize("batch", range(4))
+@pytest.mark.parametrize("batch", batches(4))
 def test_random_charts_do_what_they_do_elsewhere(batch: int) -> None:
     played = 0
     for seed in range(25 * batch, 25 * batch + 25):
@@ -149,7 +150,7 @@ def test_random_charts_do_what_they_do_elsewhere(batch: int) -> None:
 
 @pytest.mark.parametrize("name", sorted(CHARTS))
 def test_a_chart_that_is_read_does_what_it_does_elsewhere(name: str) -> None:
-    assert compared(CHARTS[name], seeds=60, name=name)
+    assert compared(CHARTS[name], seeds=many(60), name=name)
 
 
 def compared(text: str, *, seeds: int, name: str) -> int:
@@ -185,7 +186,7 @@ def _events(text: str) -> list[str]:
     return [event for event in events if not event.startswith("done.")]
 
 
-@settings(suppress_health_check=[HealthCheck.too_slow], deadline=None, max_examples=60)
+@settings(suppress_health_check=[HealthCheck.too_slow], deadline=None, max_examples=many(60))
 @given(plans(max_runners=6, max_depth=3), st.integers(0, 2**20))
 def test_a_chart_that_is_written_does_what_the_plan_does(whole: P, seed: int) -> None:
     automaton = compile_plan(plan_of(to_xml(whole))).automaton

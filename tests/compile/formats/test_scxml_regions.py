@@ -21,6 +21,7 @@ from gpsfsm.compile.plan_text import read_plan, read_plan_or_machine
 from gpsfsm.equivalence import convert_plan
 from gpsfsm.equivalence.comparison import compare
 from tests.analysis.machines.random_machines import automaton_of, machine, machines
+from tests.cases import many
 from tests.compile.formats.scxml_runs import Run, random_run, shown
 from tests.strategies import plans
 from tests.support import plan_of
@@ -80,7 +81,7 @@ def test_every_plan_of_the_corpus_is_converted() -> None:
 
 
 @given(machines())
-@settings(max_examples=100)
+@settings(max_examples=many(100))
 def test_machines_come_back(graph: nx.MultiDiGraph[Any]) -> None:
     automaton = automaton_of(graph)
     try:
@@ -158,13 +159,13 @@ def agree(automaton: Automaton, seed: int) -> None:
 
 
 @given(plans(max_runners=8))
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 def test_python_statemachine_runs_plans_as_we_say(whole: P) -> None:
     agree(compile_plan(plan_of(whole)).automaton, 0)
 
 
 @given(machines())
-@settings(max_examples=200)
+@settings(max_examples=many(200))
 def test_python_statemachine_runs_machines_as_we_say(graph: nx.MultiDiGraph[Any]) -> None:
     agree(automaton_of(graph), 0)
 
@@ -204,7 +205,7 @@ def test_scion_runs_machines_as_we_say() -> None:
     chance = random.Random(22)  # noqa: S311
 
     @given(machines())
-    @settings(max_examples=300, phases=[Phase.generate], database=None)
+    @settings(max_examples=many(300), phases=[Phase.generate], database=None)
     def collect(graph: nx.MultiDiGraph[Any]) -> None:
         automaton = automaton_of(graph)
         try:

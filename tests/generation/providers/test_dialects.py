@@ -10,7 +10,7 @@ import pytest
 
 from gpsfsm.generation.language_model import Constraint, Finish, Message, Request, Role, Usage
 from gpsfsm.generation.prompt_builder import find_template
-from gpsfsm.generation.providers import Constrain, ModelSettings, find_model, find_provider, known
+from gpsfsm.generation.providers import Constrain, ModelSettings, builtin, find_model, find_provider
 from gpsfsm.generation.providers.dialect import said_wrong
 from tests.generation.fake_server import FakeServer
 from tests.generation.providers.asking import GRAMMARS, answer, fails, model_at, request
@@ -149,7 +149,7 @@ def test_ollama_is_told_how_much_room_is_needed(
 
 
 def test_every_dialect_is_short_and_has_a_golden_request() -> None:
-    folder = Path(str(known.__file__)).parent
+    folder = Path(str(builtin.__file__)).parent
     names = {file.stem.replace("_", "-"): file for file in folder.glob("[a-z]*.py")}
     assert {split(spec)[0] for spec in SENT} == set(names) - {"prompt-tools", "replay"}
     for name, file in names.items():
@@ -209,7 +209,7 @@ class TestReplies:
             (
                 "vllm",
                 {"choices": [{"message": {"content": "<Pl"}, "finish_reason": "error"}]},
-                "the answer was broken off",
+                "the answer was cut off",
             ),
             (
                 "vllm",

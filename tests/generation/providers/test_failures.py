@@ -47,12 +47,12 @@ def untrusted() -> ssl.SSLCertVerificationError:
         ),
         (
             caused(httpx.ConnectError(KEY), socket.gaierror(socket.EAI_AGAIN, KEY)),
-            "there is no host of the name",
+            "does not exist, or the network is down",
             True,
         ),
         (
             caused(httpx.ConnectError(KEY), socket.gaierror(socket.EAI_NONAME, KEY)),
-            "there is no host of the name",
+            "does not exist, or the network is down",
             False,
         ),
         (
@@ -89,9 +89,15 @@ def test_exceptions_that_cause_each_other() -> None:
 @pytest.mark.parametrize(
     ("status", "said", "grammar", "message", "retry"),
     [
-        (407, "", False, "the server says 407; the proxy in the environment wants a pass", False),
+        (
+            407,
+            "",
+            False,
+            "the server says 407; the proxy in the environment requires a pass",
+            False,
+        ),
         (403, f"no {KEY}", False, "403: no ***; the key in THE_KEY does not allow this", False),
-        (400, "bad schema", True, "400: bad schema; it does not take our grammar", False),
+        (400, "bad schema", True, "400: bad schema; it does not accept the grammar", False),
         (400, "bad schema", False, "the server says 400: bad schema", False),
         (400, "Context size exceeded", True, "--context says how much the model can read", False),
         (500, "context length exceeded", False, "--context says how much", False),

@@ -42,7 +42,7 @@ PERMANENT = {  # fault: what the message says, and whether to ask again later
     "redirect": ("says 307; redirects are not followed", False),
     "html": ("answered, but with 'text/html' and not with JSON", False),
     "stream": ("answered, but with 'text/event-stream' and not with JSON", False),
-    "gzip-bomb": ("it is packed, although that was not asked for", False),
+    "gzip-bomb": ("it is compressed, although that was not requested", False),
     "huge": ("with more than 8,388,608 bytes (max-answer-bytes)", False),
     "huge-error": ("says 400: xxxx", False),
     "garbage": ("what came is not JSON", True),
@@ -235,7 +235,7 @@ def test_no_server() -> None:
 
 def test_no_such_host() -> None:
     error = fails(model_at("http://no-such-host.invalid:1", retries=0, key=KEY))
-    assert "there is no host of the name in http://no-such-host.invalid:1/v1" in str(error)
+    assert "the host in http://no-such-host.invalid:1/v1 does not exist" in str(error)
     assert KEY not in everything_of(error)
 
 
@@ -285,7 +285,7 @@ def test_a_grammar_that_is_refused() -> None:
     asked = request(grammars=((Constraint.GBNF, "root ::= ("),))
     with FakeServer(faults=["bad-grammar"]) as server:
         error = fails(model_at(server, "llamacpp", constrain=Constrain.ALWAYS), asked)
-    assert "it does not take our grammar, --no-constrain asks without" in str(error)
+    assert "it does not accept the grammar: use --no-constrain" in str(error)
 
 
 def test_a_model_works_in_one_event_loop_after_the_other() -> None:

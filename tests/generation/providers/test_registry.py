@@ -17,7 +17,7 @@ from gpsfsm.generation.providers import (
     find_provider,
     provider_names,
 )
-from gpsfsm.generation.providers.known import replay
+from gpsfsm.generation.providers.builtin import replay
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -113,5 +113,5 @@ def test_settings_that_do_not_fit(settings: ModelSettings, said: str) -> None:
 
 
 def test_a_server_without_an_address_of_its_own() -> None:
-    with pytest.raises(UsageError, match="openai-compatible has no address of its own"):
+    with pytest.raises(UsageError, match="openai-compatible has no default address"):
         find_model("openai-compatible:m", ModelSettings())

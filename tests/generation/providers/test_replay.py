@@ -20,7 +20,7 @@ from gpsfsm.generation.language_model import (
     Usage,
 )
 from gpsfsm.generation.providers import ModelSettings, find_model
-from gpsfsm.generation.providers.known.replay import load, recorded
+from gpsfsm.generation.providers.builtin.replay import load, recorded
 from tests.generation.providers.asking import answer, ask, fails, request
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ class TestLines:
         pipe = tmp_path / "pipe"
         os.mkfifo(pipe)
         for source in (tmp_path / "none.jsonl", tmp_path, pipe, "x" * 300):
-            with pytest.raises(UsageError, match=r"is no file with|cannot be read"):
+            with pytest.raises(UsageError, match=r"is not a file with|cannot be read"):
                 replay(str(source))
 
 
@@ -211,7 +211,7 @@ class TestChoices:
         source = write(tmp_path, {"answer": "a"})
         with pytest.raises(UsageError, match="there is no recorded answer"):
             replay(f"{source}#model=b")
-        with pytest.raises(UsageError, match="after # stand choices such as"):
+        with pytest.raises(UsageError, match="after the #, write choices such as"):
             replay(f"{source}#model")
 
 

@@ -364,7 +364,7 @@ class TestAddress:
     )
     def test_what_users_write(self, text: str, provider: str, found: str | None) -> None:
         if found is None:
-            with pytest.raises(UsageError, match="--base-url names one"):
+            with pytest.raises(UsageError, match="name one with --base-url"):
                 address(text, provider)
         else:
             assert address(text, provider) == found

@@ -10,6 +10,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Live", "plan", "speech", "waypoint"]
 
+LOST = (
+    r"ERR_(CONNECTION_(REFUSED|RESET|CLOSED)|EMPTY_RESPONSE|INCOMPLETE_CHUNKED)"
+    r"|^failed: |status of 503"
+)
+"""The complaints of a browser whose service has been killed."""
+
 _SECONDS = re.compile(r"(?:(\d+):)?(\d+\.\d)")
 _PLACE_OF_NODE = """(touch, words) => {
     const { camera, picture } = touch.gpsfsmGraph;
@@ -45,7 +51,7 @@ class Live:
 
     def __init__(self, page: Page) -> None:
         self.page = page
-        self.editor = page.get_by_label("Text of the plan")
+        self.editor = page.get_by_role("textbox", name="Text of the plan")
         self.status = page.locator(".draft-status")
         self.title = page.locator(".run-title")
         self.badge = page.locator(".run-head .run-badge").first

@@ -34,7 +34,7 @@ _COLOR = "(one) => getComputedStyle(one).backgroundColor"
 
 def signed_in(page: Page) -> None:
     page.get_by_label("Token of the service").fill(TOKEN)
-    page.get_by_role("button", name="Use it").click()
+    page.get_by_role("button", name="Sign in").click()
     page.get_by_role("button", name="STOP").wait_for()
 
 
@@ -52,20 +52,21 @@ def test_a_robot_is_watched_and_stopped(robot: RealService, live: Open) -> None:
         begun(page, plan(move(120)))
         says = page.page.locator(".active-says")
         says.filter(has_text=re.compile(r"^11\d\.\d m left$")).wait_for()
-        assert page.page.get_by_text("Let it fail").count() == 0
-        assert page.button("Let one event happen, then pause").count() == 0
+        assert page.page.get_by_text("Make it fail").count() == 0
+        assert page.button("Step: let one event happen, then pause").count() == 0
         assert page.button("Pause the run").is_visible()
         pose = "() => Number(document.querySelector('.map-picture').dataset.pose.split(' ')[1]) > 3"
         page.page.wait_for_function(pose)  # the map has grown with it
         page.page.get_by_role("button", name="STOP").click()
         banner = page.page.locator(".held-banner")
-        banner.filter(has_text="Held: stopped by token 0. Nothing begins, 0 plans wait.").wait_for()
+        banner.filter(has_text="The queue is held: stopped by token 0.").wait_for()
+        banner.filter(has_text="No plan starts until you release it; none is waiting.").wait_for()
         stop = page.page.get_by_role("button", name="STOP")
         stop.hover()
         assert stop.evaluate(_COLOR) == "rgb(153, 9, 14)"  # whatever else buttons do there
         page.badge.filter(has_text="cancelled").wait_for()
         waiting = set_plan(client, SHORT)
-        banner.filter(has_text="1 plan waits").wait_for()
+        banner.filter(has_text="1 is waiting").wait_for()
         page.button("Release the queue").click()
         banner.wait_for(state="hidden")
         assert ended(client, waiting)["completed"]

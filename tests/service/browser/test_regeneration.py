@@ -51,14 +51,14 @@ def test_the_plan_that_goes_on_arrives_beside_the_old_one(service: Service, live
             assert button is not None
             assert button["x"] >= within["x"]
         difference = page.page.locator(".run-difference")
-        difference.locator("summary").filter(has_text="does something else").click()
+        difference.locator("summary").filter(has_text="behaves differently").click()
         assert difference.locator("li").count() > 0
-        page.button("Only this one").click()
+        page.button("Show only this run").click()
         page.page.locator(".run-panes:not(.two)").wait_for()
-        page.button(f"goes on from run {first + 1}").click()
+        page.button(f"continues run {first + 1}").click()
         page.title.filter(has_text=f"Run {first + 1}").wait_for()
         page.ended("gave up")
-        told = page.page.locator(".run-banner").filter(has_text=f"run {first + 2} goes on")
+        told = page.page.locator(".run-banner").filter(has_text=f"run {first + 2} continues")
         told.wait_for()
         page.choose_run(first)
         page.page.locator(".run-banner").filter(has_text="refused").wait_for()
@@ -70,12 +70,12 @@ def test_a_model_writes_a_plan_from_a_task(service: Service, folder: Path, live:
         page.write(TO_ANNEX)
         page.page.get_by_label("Task").fill("go to the window")
         page.button("Write a plan").click()
-        page.page.locator(".draft-refusal").filter(has_text="took the place").wait_for(
+        page.page.locator(".draft-refusal").filter(has_text="replaced your text").wait_for(
             timeout=60_000
         )
         page.page.locator(".draft-status.good").wait_for()
         assert page.editor.input_value() == ELSEWHERE
-        page.button("Bring back the text before").click()
+        page.button("Restore my text").click()
         assert page.editor.input_value() == TO_ANNEX
         answers(folder, "No.", "No!", "Never.")
         page.button("Write a plan").click()

@@ -35,9 +35,9 @@ def test_forgotten_braces_are_pointed_at() -> None:
     assert unwritten(body) == [
         (
             5,
-            "{spot} is read here, and nothing in this file writes it",
-            'where has the name without braces on line 4: write where="{spot}" there, '
-            "unless that node takes the name of a key",
+            "{spot} is read here, but nothing in this file writes it",
+            'where has the name without braces on line 4: write where="{spot}" '
+            "there, unless that node expects the name of a key",
         )
     ]
 
@@ -65,7 +65,7 @@ def test_what_parentheses_mend_is_said() -> None:
     text = f'<root BTCPP_format="4"><BehaviorTree>{node}</BehaviorTree></root>'
     (problem,) = read_trees(text, "tree.xml").collector.problems()
     assert problem.location.column == text.index("|") + 1
-    assert problem.hint == "arithmetic, operators of bits, ! and .. do not mix: use parentheses"
+    assert problem.hint == "use parentheses: arithmetic, bitwise operators, ! and .. do not mix"
 
 
 def advice(body: str, *rules: str, version: str = "4", models: str = "") -> list[tuple[int, str]]:
@@ -228,7 +228,7 @@ def test_a_round_robin_that_is_entered_once_is_a_fallback() -> None:
     for seed in range(1_500):
         text = ticks.random_tree(random.Random(seed))  # noqa: S311  (no secrets here)
         problems = read_trees(text, "tree.xml").collector.problems()
-        once = sum("a second time" in each.message for each in problems if each.rule == "GP822")
+        once = sum("entered only once" in each.message for each in problems if each.rule == "GP822")
         if not once or once < text.count("<RoundRobin"):
             continue
         compared += 1

@@ -14,6 +14,7 @@ import gpsfsm
 from gpsfsm.checking.includes import joined_text
 from gpsfsm.checking.inputs import Input
 from gpsfsm.syntax import Limits
+from tests.cases import many
 from tests.checking.test_includes import check, facts_of, put, xml
 from tests.oracle.btcpp import Answer, engine, play
 from tests.oracle.random_trees import RandomTree
@@ -76,7 +77,7 @@ def in_one(texts: Iterable[str]) -> str:
     return etree.tostring(one, encoding="unicode")
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(many(40)))
 def test_the_same_facts_as_in_one_file(seed: int) -> None:
     files, _ = split(Random(seed))  # noqa: S311
     put(files)
@@ -91,7 +92,7 @@ def test_the_same_facts_as_in_one_file(seed: int) -> None:
     assert rules[0] == rules[1] == rules[2]
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(many(25)))
 def test_the_engine_runs_both_alike(seed: int) -> None:
     engine()
     files, leaves = split(Random(seed))  # noqa: S311

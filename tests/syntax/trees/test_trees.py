@@ -18,7 +18,7 @@ from gpsfsm.syntax import Limits
 REAL = Path(__file__).parents[4] / "shared/corpus/experiment1/btgenbot"
 _MODEL = '<TreeNodesModel><Action ID="Go"><input_port name="to"/></Action></TreeNodesModel>'
 
-_ONLY_FILES = "files are read only for a tree that is a file itself"
+_ONLY_FILES = "which is read only for a tree that is itself a file"
 
 
 def tree(body: str, attributes: str = 'BTCPP_format="4"', rest: str = "") -> str:
@@ -55,8 +55,8 @@ def test_a_tree_is_told_by_its_outermost_element(text: str, expected: bool) -> N
         (
             tree('<SubTree ID="Dok"/>', rest='<BehaviorTree ID="Dock"><Go/></BehaviorTree>'),
             [
-                ("GP802", 1, "there are 2 trees, and nothing says which of them runs"),
-                ("GP807", 2, "this tree has no ID, so that nothing can refer to it"),
+                ("GP802", 1, "there are 2 trees, and nothing defines which of them runs"),
+                ("GP807", 2, "this tree has no ID, so nothing can refer to it"),
                 ("GP801", 3, "there is no tree 'Dok' in this file"),
             ],
         ),
@@ -74,7 +74,7 @@ def test_a_tree_is_told_by_its_outermost_element(text: str, expected: bool) -> N
                 (
                     "GP804",
                     5,
-                    "'Repeat' is the name of a built-in node; no node of your own can have it",
+                    "'Repeat' is the name of a built-in node, which your own nodes cannot have",
                 ),
                 ("GP812", 3, "the TreeNodesModel does not describe 'Go'"),
             ],
@@ -103,16 +103,16 @@ def test_a_tree_is_told_by_its_outermost_element(text: str, expected: bool) -> N
         ),
         (
             tree("<Repeat><Go/></Repeat>"),
-            [("GP811", 3, "this Repeat does not say its num_cycles")],
+            [("GP811", 3, "this Repeat lacks num_cycles")],
         ),
         (
             tree("<Go/>", 'BTCPP_format="5"'),
-            [("GP808", 1, "there is no format '5' of trees")],
+            [("GP808", 1, "there is no tree format '5'")],
         ),
         (
             tree("<Go/>", rest='<include path="other.xml"/>'),
             [
-                ("GP813", 5, f"this includes another file; {_ONLY_FILES}"),
+                ("GP813", 5, f"this includes another file, {_ONLY_FILES}"),
             ],
         ),
         (
@@ -122,11 +122,11 @@ def test_a_tree_is_told_by_its_outermost_element(text: str, expected: bool) -> N
                 (
                     "GP816",
                     3,
-                    "the automaton says more than this tree does, because of line 3",
+                    "the automaton allows more than this tree can do, because of line 3",
                 ),
             ],
         ),
-        (tree("<Action/>"), [("GP807", 3, "this <Action> has no ID: which node is it?")]),
+        (tree("<Action/>"), [("GP807", 3, "this <Action> has no ID, so it names no node")]),
         (
             tree("<Go/></Sequence>"),
             [("GP101", 3, "</Sequence> closes nothing: no <Sequence> is open here")],
@@ -165,7 +165,7 @@ def test_of_many_ports_a_hint_names_five() -> None:
     ports = "".join(f'<input_port name="{name}"/>' for name in "fedcba")
     model = f'<TreeNodesModel><Action ID="Go">{ports}</Action></TreeNodesModel>'
     (problem,) = read_plan(tree('<Go where="here"/>', rest=model)).problems
-    assert problem.hint == "it has the ports a, b, c, d, e (line 5)"
+    assert problem.hint == "use one of the ports a, b, c, d, e (line 5)"
 
 
 @pytest.mark.parametrize(
@@ -225,7 +225,7 @@ def test_the_tree_of_an_answer_is_taken() -> None:
 def test_a_tree_is_no_answer_where_a_plan_is_wanted() -> None:
     found = PlanJudge(CheckOptions())(tree("<Go/>"))
     assert not found.accepted
-    assert "not a plan" in found.told
+    assert "not a plan" in found.feedback
 
 
 def test_limits_end_the_reading() -> None:

@@ -2,7 +2,8 @@
 //
 //   node play_records.mjs <folder of the modules> < [{automaton, records, story_at, seeks}, …]
 // Per run: the states after each record, forwards, then backwards, then at each of `seeks`; the
-// places where a step stops, forwards and backwards; and the sentence of the story at each place.
+// places where a step stops, forwards and backwards; and at each place which sentences of the story
+// happen in the step that ends there, and which have happened.
 
 import { readFileSync } from "node:fs";
 import { pathToFileURL } from "node:url";
@@ -34,14 +35,14 @@ function stops(player, move, isDone) {
   return found;
 }
 
-function playOne({ automaton, records, story_at, seeks }) {
+function playOne({ automaton, records, story_at, story_from, seeks }) {
   const player = new Player(automaton);
-  player.load(records, story_at);
+  player.load(records, { story_at, story_from });
   const all = [...records.keys(), records.length];
   const forwards = walk(player, all);
   const story = all.map((position) => {
     player.seek(position);
-    return player.storyLine;
+    return player.story;
   });
   const backwards = walk(player, [...all].reverse()).reverse();
   const sought = walk(player, seeks);

@@ -45,13 +45,13 @@ def document_of(
 def expected_states(plan: dict[str, Any], play: dict[str, Any], count: int) -> States:
     """The states of the elements after so many records, by brute force.
 
-    Of a join a control tells only that it waits.
+    Of a join a control shows only that it waits, or waits for ever.
     """
     nodes = plan["automaton"]["nodes"]
     found: States = {}
     for node, state, _ in shown_after(plan["automaton"], play["records"], count)["states"]:
         element = nodes[node]["element"]
-        if element >= 0 and (nodes[node]["kind"] == "runner" or state == "waiting"):
+        if element >= 0 and (nodes[node]["kind"] == "runner" or state in ("waiting", "stuck")):
             found.setdefault(element, state)
     return found
 

@@ -110,9 +110,13 @@ def _state(
     taken: set[int],
 ) -> tuple[str, int] | None:
     state = _untimely(number, node, told, automaton, taken)
-    if state is None and any(record["kind"] == "ENDED" for record in told):
+    end = next((record for record in told if record["kind"] == "ENDED"), None)
+    if end is None:
+        return state
+    if state is None:
         return "never", 0
-    return state
+    waits_for_ever = (end.get("data") or {}).get("status") in ("STUCK", "HANG")
+    return ("stuck", state[1]) if state[0] == "waiting" and waits_for_ever else state
 
 
 def _untimely(

@@ -164,3 +164,54 @@ def test_the_layered_picture_is_there_for_small_graphs(report: Open) -> None:
         assert page.evaluate(f"() => {_GRAPH}.picture().groups.length") == 0
         page.mouse.click(*item(open_report, 1))
         assert page.evaluate(f"() => {_STORE}.state.node") == 1
+
+
+_MAP = ".minimap"
+_RUNNER = '<Runner interface="a/A" provider="a/A"/>'
+
+
+def large() -> dict[str, Any]:
+    part = f'<Control type="parallel_all" name="both">{_RUNNER * 3}</Control>{_RUNNER}'
+    return document_of(f"<Plan>{part * 75}</Plan>")
+
+
+def test_the_overview_moves_the_view_by_pointer_and_by_keys(report: Open) -> None:
+    with report(large()) as open_report:
+        page = open_report.page
+        open_report.press("f")
+        assert not page.locator(_MAP).is_visible()  # all of it is in view
+        for _ in range(8):
+            page.get_by_label("Zoom in (+)").click()
+        open_report.drawn()
+        assert page.locator(_MAP).is_visible()
+        box = page.locator(".minimap-canvas").bounding_box()
+        assert box is not None
+        page.mouse.move(box["x"] + 10, box["y"] + 10)
+        page.mouse.down()
+        near = view(open_report)
+        page.mouse.move(box["x"] + box["width"] - 10, box["y"] + box["height"] - 10)
+        page.mouse.up()
+        far = view(open_report)
+        assert far["x"] < near["x"]
+        assert far["y"] < near["y"]
+        assert far["zoom"] == near["zoom"]
+        frame = page.locator(".minimap-frame").bounding_box()
+        assert frame is not None
+        assert frame["x"] > box["x"] + box["width"] / 2
+        page.locator(_MAP).focus()
+        open_report.press("ArrowLeft")
+        assert view(open_report)["x"] > far["x"]
+        open_report.press("Home")
+        assert view(open_report)["x"] > 0
+
+
+def test_small_controls_are_blocks_that_count_their_runners(report: Open) -> None:
+    with report(large()) as open_report:
+        open_report.press("f")
+        picture, zoom = f"{_GRAPH}.picture()", f"{_GRAPH}.camera.zoom"
+        assert open_report.page.evaluate(f"() => {zoom}") < 0.3
+        blocks = open_report.page.evaluate(
+            f"() => globalThis.gpsfsmPage.stages.plan.made.graph.blocks({picture}, {zoom})"
+        )
+        assert len(blocks) == 75
+        assert {block["runners"] for block in blocks} == {3}

@@ -43,3 +43,36 @@ def test_the_picture_has_one_layout_and_draws_what_stops(report: Open) -> None:
         kinds = opened.page.evaluate(f"() => {_PICTURE}.edges.map(({{ kind }}) => kind)")
         assert kinds.count("STOPS") == 2
         assert opened.page.evaluate(f"() => {_PICTURE}.items.length") == 5
+
+
+REACTIVE = """<root BTCPP_format="4"><BehaviorTree ID="Go"><ReactiveSequence>
+<IsGoal/><IsSafe/><ReactiveFallback><IsCharged/><Charge/></ReactiveFallback><FollowPath/>
+</ReactiveSequence></BehaviorTree></root>"""
+_NEAR = """() => {
+  const graph = document.querySelector('.graph-touch').gpsfsmGraph;
+  const { selected, near } = graph.pointers();
+  const bare = [...near].filter((edge) => !graph.picture.edges[edge].route.length);
+  return [selected.size, near.size, bare.length];
+}"""
+
+
+def test_the_tree_of_a_reactive_tree_is_nested_and_selects_all_inside(report: Open) -> None:
+    document = document_of(REACTIVE)
+    with report(document) as opened:
+        page = opened.page
+        page.get_by_role("tab", name="Tree").click()
+        rows = page.locator(".tree .row")
+        fallback = rows.filter(has_text="ReactiveFallback").filter(has_not_text="choice").first
+        charge = rows.filter(has_text="Charge").last
+        levels = [int(each.get_attribute("aria-level") or 0) for each in (fallback, charge)]
+        assert levels[1] == levels[0] + 1
+        assert charge.locator(".row-line").first.inner_text().startswith("@")
+        charge.click()
+        selected, near, bare = page.evaluate(_NEAR)
+        assert selected == 1
+        assert 0 < bare < near, "what stops it, and what it stops"
+        fallback.click()
+        selected, near, bare = page.evaluate(_NEAR)
+        assert selected > 1
+        assert bare == 0
+        assert near > 0

@@ -151,7 +151,7 @@ def test_findings_are_filtered_and_counted(report: Open) -> None:
         page.locator(".filter.error").click()
         page.locator(".filter.info").click()
         page.locator(".filter.suppressed").click()
-        assert "No finding is shown" in open_report.text(".findings-more")
+        assert "The filters above hide all findings" in open_report.text(".findings-more")
 
 
 def test_a_finding_explains_itself(report: Open) -> None:
@@ -171,7 +171,7 @@ def test_a_finding_explains_itself(report: Open) -> None:
         page.locator(f"{SELECTED} summary").click()
         rule = document["rules"]["GP303"]
         assert rule["why"] in open_report.text(SELECTED)
-        assert "gpsfsm rule GP303" in open_report.text(SELECTED)
+        assert "gpsfsm explain GP303" in open_report.text(SELECTED)
         # a related place leads there, in the text as well
         related = finding["related"][0]
         page.locator(f"{SELECTED} .place").first.click()
@@ -303,6 +303,107 @@ def test_print_holds_findings_stories_and_text(report: Open) -> None:
         assert pages.startswith(b"%PDF")
 
 
+_CUT = """() => [...document.querySelectorAll('#app *')].filter((one) => {
+  if (!one.checkVisibility() || one.closest('.graph, select, button, .unseen')) return false;
+  const { overflowX, overflowY } = getComputedStyle(one);
+  const cut = (overflow, inner, outer) => overflow !== 'visible' && inner > outer + 1;
+  return cut(overflowX, one.scrollWidth, one.clientWidth) ||
+    cut(overflowY, one.scrollHeight, one.clientHeight);
+}).map((one) => one.className)"""
+_GROUND = "getComputedStyle(document.body).backgroundColor"
+_INK = """(canvas) => {
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  let [dark, light] = [0, 0];
+  for (let at = 0; at < data.length; at += 4) {
+    if (data[at + 3] < 200) continue;
+    const sum = data[at] + data[at + 1] + data[at + 2];
+    if (sum < 200) dark += 1;
+    else if (sum > 600) light += 1;
+  }
+  return [dark, light];
+}"""
+
+
+def large() -> dict[str, Any]:
+    """A plan whose text and tree are much longer than a window, with a hundred findings."""
+    name = "nav2_capabilities/WaypointRunner"
+    runner = f"<Runner interface='{name}' provider='{name}' x='{{}}' y='0'/>\n"
+    group = "<Control type='parallel_all'>\n{}</Control>\n"
+    groups = [group.format("".join(runner.format(n) for n in range(10))) for _ in range(30)]
+    return document_of(f"<Plan>{''.join(groups)}</Plan>")
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_printing_is_no_failure(several: bool, report: Open) -> None:
+    """Rows that are made because their pane has grown would make it grow again."""
+    document = large()
+    if several:
+        text = document["plans"][0]["source"]
+        document = document_of(text, text.replace("parallel_all", "parallel_any"), diff=True)
+    with report(document, size=(1280, 800)) as open_report:
+        page = open_report.page
+        page.evaluate("() => { globalThis.failures = []; }")
+        page.evaluate("addEventListener('error', (event) => failures.push(event.message))")
+        for _ in range(2):
+            assert page.pdf(format="A4").count(b"/Type /Page\n") >= (2 if several else 10)
+            page.emulate_media(media="print")
+            open_report.drawn()
+            page.emulate_media(media="null")
+            open_report.drawn()
+        assert page.evaluate("failures") == []
+        assert page.locator(".page-error").count() == 0
+
+
+def test_a_size_that_is_observed_late_is_told_nobody(report: Open) -> None:
+    tell = """(message) => dispatchEvent(new ErrorEvent('error', { message }))"""
+    with report(door_check()) as open_report:
+        page = open_report.page
+        page.evaluate(tell, "ResizeObserver loop completed with undelivered notifications.")
+        assert page.locator(".page-error").count() == 0
+        page.evaluate(tell, "Uncaught Error: x")
+        assert open_report.text(".page-error") == "An error in this page: Uncaught Error: x"
+
+
+def test_paper_holds_all_of_it(report: Open) -> None:
+    document = large()
+    with report(document, size=(794, 1123), theme="dark") as open_report:
+        page = open_report.page
+        view = """() => {
+          const { pan, zoom } = document.querySelector('.graph-touch').gpsfsmGraph.camera;
+          return [pan.x, pan.y, zoom];
+        }"""
+        page.get_by_role("button", name="Zoom in").click()
+        before = page.evaluate(view)
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        page.emulate_media(media="print", color_scheme="dark")
+        open_report.drawn()
+        assert page.evaluate(_CUT) == []
+        assert (
+            page.locator(".source .line").count() == document["plans"][0]["source"].count("\n") + 1
+        )
+        assert page.locator(".tree .row").count() == len(document["plans"][0]["elements"])
+        shown = [each for each in document["plans"][0]["findings"] if not each["suppressed"]]
+        assert page.locator(".finding .finding-body:visible").count() == len(shown)
+        canvases = page.locator(".graph-canvas:visible")
+        assert canvases.count() == 1  # one that is cleared hides those below it on paper
+        assert page.evaluate(_GROUND) == "rgb(255, 255, 255)"
+        page.evaluate("dispatchEvent(new Event('afterprint'))")
+        page.emulate_media(media="null", color_scheme="dark")
+        open_report.drawn()
+        assert page.evaluate(view) == pytest.approx(before)
+        assert page.locator(".graph-canvas:visible").count() == 3
+
+
+def test_the_automaton_is_printed_in_ink(report: Open) -> None:
+    with report(door_check(), size=(794, 1123), theme="dark") as open_report:
+        page = open_report.page
+        page.emulate_media(media="print", color_scheme="dark")
+        open_report.drawn()
+        dark, light = page.locator(".graph-canvas:visible").evaluate(_INK)
+        assert dark > 500  # letters and lines
+        assert light > 5 * dark  # and grounds
+
+
 def test_paper_is_light(report: Open) -> None:
     ink = "() => getComputedStyle(document.body).color.match(/[0-9]+/g).map(Number)"
     with report(door_check(), theme="dark") as open_report:
@@ -401,3 +502,61 @@ def test_what_is_chosen_is_seen_where_the_system_chooses_the_colours(report: Ope
             for chosen in ("true", "false")
         }
         assert len(tabs) == 2
+
+
+TOUR = (REPO / "corpus" / "plans" / "tour_guide.xml").read_text(encoding="utf-8")
+
+
+def test_findings_come_worst_first(report: Open) -> None:
+    with report(document_of(TOUR)) as open_report:
+        severities = open_report.page.eval_on_selector_all(
+            ".finding", "all => all.map((one) => one.classList[1])"
+        )
+    order = ["error", "warning", "info"]
+    assert set(severities) == set(order), "the plan has some of each"
+    assert severities == sorted(severities, key=order.index)
+
+
+def test_the_text_shows_the_parameters_of_runners(report: Open) -> None:
+    """Without scrolling; what is left out is copied, and shown in the line that is chosen."""
+    within = """() => {
+      const pane = document.querySelector('.source').getBoundingClientRect();
+      return [...document.querySelectorAll('.source .line')].flatMap((line) => {
+        const name = [...line.querySelectorAll('.xml-name')].find((one) => one.textContent === 'y');
+        const value = name?.nextElementSibling.nextElementSibling;
+        return value ? [value.getBoundingClientRect().right < pane.right] : [];
+      });
+    }"""
+    line = TOUR.split("\n")[7]
+    assert 'interface="nav2_capabilities/WaypointRunner"' in line
+    with report(document_of(TOUR)) as open_report:
+        open_report.page.set_viewport_size({"width": 1280, "height": 900})
+        open_report.drawn()
+        seen = open_report.page.evaluate(within)
+        assert len(seen) == TOUR.count(' y="')
+        assert all(seen)
+        row = open_report.page.locator('.source [data-line="8"] .line-text')
+        assert row.text_content() == line, "what is copied"
+        folded = row.bounding_box()
+        row.click(position={"x": 60, "y": 8})
+        open_report.drawn()
+        whole = row.bounding_box()
+    assert folded is not None
+    assert whole is not None
+    assert whole["width"] > folded["width"] + 100
+
+
+def test_a_long_path_shows_its_end(report: Open) -> None:
+    document = document_of(TOUR)
+    document["plans"][0]["name"] = "/robots/" + "very/long/" * 20 + "tour_guide.xml"
+    inside = """() => {
+      const box = document.querySelector('.plan-name').getBoundingClientRect();
+      const text = document.querySelector('.plan-name bdi').firstChild;
+      const range = document.createRange();
+      range.setStart(text, text.length - 'tour_guide.xml'.length);
+      range.setEnd(text, text.length);
+      const end = range.getBoundingClientRect();
+      return end.width > 50 && end.left >= box.left && end.right <= box.right + 1;
+    }"""
+    with report(document) as open_report:
+        assert open_report.page.evaluate(inside)

@@ -27,6 +27,7 @@ BOTH = (
 EITHER = (
     f'<Plan>\n<Control type="parallel_any">\n{GO.format(1)}\n{GO.format(2)}\n</Control>\n</Plan>'
 )
+TOUR = (REPO / "corpus" / "plans" / "tour_guide.xml").read_text(encoding="utf-8")
 
 KINDS = {
     "give-up": (SEQUENCE, "GP302", {}, "GAVE_UP"),
@@ -122,9 +123,9 @@ def test_the_story_goes_with_the_steps(report: Open) -> None:
         while open_report.step()[0] < open_report.step()[1]:
             open_report.press(".")
             told = open_report.told()
-            if told and told not in seen:
+            if told:
                 seen.append(told)
-        assert seen == story
+        assert seen == story  # none twice: where nothing of the story happens, nothing is marked
         # a click on a sentence goes to where it happens
         open_report.page.locator(".playbar .story-line").first.click()
         assert open_report.told() == story[0]
@@ -160,6 +161,26 @@ def test_playing_goes_to_the_end_and_stops(report: Open) -> None:
         assert open_report.states() == {}
 
 
+def test_what_is_marked_is_what_happens_in_the_step(report: Open) -> None:
+    """In a join as well: first the failure, then that the join can no longer succeed."""
+    with report(document_for("join")) as open_report:
+        play = open_report.open_play("GP303")
+        marked = []
+        while open_report.step()[0] < open_report.step()[1]:
+            open_report.press(".")
+            if open_report.told():
+                marked.append((open_report.text(".play-now"), open_report.told()))
+                of_finding = open_report.page.locator(".finding.selected .story li.current")
+                assert of_finding.all_text_contents() == [open_report.told()]
+    failure, join, *_, end = marked
+    assert failure[0] == failure[1] == play["story"][0]
+    assert join[0].startswith("parallel_all")
+    assert "fails" in join[0]
+    assert "the parallel_all 'both' at line 2 can no longer succeed" in join[1]
+    assert end[0] == "the plan completes"
+    assert sorted(told for _, told in marked) == sorted(play["story"])
+
+
 def test_scrubbing_is_like_stepping(report: Open) -> None:
     with report(document_for("join")) as open_report:
         open_report.open_play("GP303")
@@ -181,8 +202,7 @@ def test_two_plans_are_played_at_once(report: Open) -> None:
         assert "the plans differ" in open_report.text(".compare-head")
         assert open_report.texts(".compare-words li") == document["diff"]["words"]
         number, of = open_report.step()
-        assert number == 0
-        for _ in range(of):
+        for _ in range(of - number):
             open_report.press(".")
         ends = [play["ends"] for play in document["diff"]["plays"]]
         shown = open_report.texts(".compare-side-head .end")
@@ -196,6 +216,33 @@ def test_two_plans_are_played_at_once(report: Open) -> None:
         open_report.drawn()
         assert page.locator(".plan-chooser").input_value() == "1"
         assert page.locator(".stage-plan .source").is_visible()
+
+
+def test_a_comparison_opens_where_the_plans_part(report: Open) -> None:
+    first, second = (
+        f"<Plan>{walk}<Control type='recovery'>{speech}</Control></Plan>"
+        for walk in [
+            "".join(f"<Runner interface='n/Go' provider='n/Go' x='{n}'/>" for n in range(5))
+        ]
+        for speech in (
+            "<Runner interface='p/Say' provider='p/Say' text='no'/>",
+            "<Runner interface='p/Say' provider='p/Say' text='yes'/>",
+        )
+    )
+    document = document_of(first, second, diff=True)
+    with report(document) as open_report:
+        current = ".compare-words li.current"
+        assert open_report.texts(current) == document["diff"]["words"][-2:]
+        assert open_report.text(".compare-foot .play-now") == "Here the plans part."
+        starts = [f"Say (text={text}) at line 1 starts" for text in ("no", "yes")]
+        assert open_report.texts(".compare-said .play-now") == starts
+        number, of = open_report.step()
+        assert 0 < number < of
+        open_report.press(",")
+        assert open_report.step() == (number - 1, of)
+        assert open_report.texts(current) != document["diff"]["words"][-2:]
+        open_report.page.get_by_label("To the start").click()
+        assert open_report.step() == (0, of)
 
 
 @pytest.mark.parametrize(
@@ -230,3 +277,44 @@ def test_a_task_shows_its_grade_and_where_the_plan_leaves_it(report: Open) -> No
         open_report.drawn()
         play = open_report.plan["plays"][graded["play"]]
         assert open_report.told() == play["story"][-1]
+
+
+def test_the_timeline_shows_the_step_and_goes_to_the_one_that_is_clicked(report: Open) -> None:
+    with report(document_of(TOUR)) as open_report:
+        page = open_report.page
+        assert not page.locator(".timeline").is_visible()  # nothing is played
+        open_report.open_play("GP303")
+        rows = page.locator(".timeline-row")
+        assert rows.first.is_visible()
+        assert "running from step 1 to step 2, succeeded" in (
+            rows.first.get_attribute("aria-label") or ""
+        )
+        before = page.locator(".timeline-now").bounding_box()
+        track = rows.first.locator(".timeline-track").bounding_box()
+        assert before is not None
+        assert track is not None
+        page.mouse.click(track["x"] + track["width"] * 0.6, track["y"] + 10)
+        open_report.drawn()
+        number, of = open_report.step()
+        assert number == round(0.6 * (of + 1))
+        after = page.locator(".timeline-now").bounding_box()
+        assert after is not None
+        assert abs(after["x"] - (track["x"] + track["width"] * number / (of + 1))) < 3
+        page.locator(".timeline-rows").focus()
+        open_report.press("ArrowRight")
+        assert open_report.step()[0] == number + 1
+        page.locator(".timeline-label", has_text="ImageAnalysisRunner").first.click()
+        open_report.drawn()
+        assert page.locator(".tree .row.selected", has_text="ImageAnalysis").count() == 1
+
+
+def test_every_end_in_the_timeline_has_a_sign_and_a_word(report: Open) -> None:
+    with report(document_of(TOUR)) as open_report:
+        page = open_report.page
+        open_report.open_play("GP303")
+        ends = page.locator(".timeline-end")
+        told = [(end.inner_text(), end.get_attribute("title") or "") for end in ends.all()]
+        assert {"✓", "✗", "■"} <= {sign for sign, _ in told}
+        assert any(sign == "✗" and words.endswith(", failed") for sign, words in told)
+        assert all(words.endswith("stopped") for sign, words in told if sign == "■")
+        assert "the plan gives up" in open_report.text(".timeline-title")

@@ -288,13 +288,23 @@ def test_every_play_of_the_corpus_tells_its_story(modules: Path) -> None:
             assert shown == shown_after(play["automaton"], records, place)
         assert found["backwards"] == found["forwards"]
         assert found["ended"] == play["ends"]
-        assert found["story"][0] == -1
-        assert found["story"][-1] == len(play["story"]) - 1
-        assert found["story"] == sorted(found["story"])
-        # no step runs past a sentence; of several about one record the last is marked
-        told = {found["story"][step] for step in found["steps"]}
-        last_of = {record: line for line, record in enumerate(play["story_at"])}
-        assert told >= set(last_of.values()), play["title"]
+        # at each step the marked sentences are those whose records are among the step's own
+        spans = list(zip(play["story_from"], play["story_at"], strict=True))
+        before = 0
+        for step in found["steps"]:
+            own = range(before, step)
+            expected = [
+                "current"
+                if any(first <= record <= last for record in own)
+                else "past"
+                if last < before
+                else ""
+                for first, last in spans
+            ]
+            assert found["story"][step] == expected, play["title"]
+            before = step
+        assert set(found["story"][0]) <= {""}
+        assert set(found["story"][-1]) <= {"current", "past"}
 
 
 def _timed(*happened: tuple[int, str, int]) -> list[Record]:

@@ -144,7 +144,7 @@ def test_hundreds_of_findings_come_in_pages(report: Open) -> None:
         page = open_report.page
         assert page.locator(".finding").count() == 200
         page.get_by_role("button", name="later →").click()
-        open_report.drawn()
+        page.locator(f'.finding[data-finding="{shown[200]}"]').wait_for()
         first = page.locator(".finding").first
         assert first.get_attribute("data-finding") == str(shown[200])
         open_report.press("p")  # the last one, from none

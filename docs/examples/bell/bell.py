@@ -1,0 +1,21 @@
+"""The runner of the tutorial: it rings a bell and waits for somebody."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from gpsfsm import RunContext, Runner, RunnerError
+
+
+class RingRunner(Runner):
+    """Rings the bell; somebody comes, or nobody."""
+
+    simulated = True  # it waits through its context alone, so it can act in a simulation, too
+
+    async def run(self, parameters: Mapping[str, Any], context: RunContext) -> dict[str, Any]:
+        """Ring, and wait as long as the plan says."""
+        needed = context.random.uniform(0.2, 8.0)  # a real door would be asked
+        if needed > parameters["patience_s"]:
+            await context.sleep(parameters["patience_s"])
+            raise RunnerError("nobody has come")
+        await context.sleep(needed)
+        return {"waited_s": round(needed, 1)}

@@ -1,0 +1,132 @@
+"""``/livez`` and ``/readyz``: for those who restart the service or send requests to it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import time
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.service import Settings
+from gpsfsm.service import core as core_module
+from tests.service.support import GOOD, Service
+from tests.service.test_token import TOKEN
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    import httpx
+    import pytest
+
+
+def until(true: Callable[[], bool], within_s: float = 60) -> None:
+    end_s = time.monotonic() + within_s
+    while not true():
+        assert time.monotonic() < end_s
+        time.sleep(0.05)
+
+
+def test_both_are_for_everybody_and_say_next_to_nothing(tmp_path: Path) -> None:
+    (tmp_path / "token").write_text(TOKEN)
+    words = ("--token-file", tmp_path / "token", "--journal", tmp_path / "q.db", "--workers", "1")
+    with Service(*words) as service, service.client() as client:
+        assert client.get("/v1/rules").status_code == 401
+        for path, body in (
+            ("/livez", {"status": "alive"}),
+            ("/readyz", {"status": "ready", "reasons": []}),
+        ):
+            answer = client.get(path)
+            assert (answer.status_code, answer.json()) == (200, body)
+            assert client.head(path).status_code == 200
+            assert client.post(path).status_code in (401, 405)
+
+
+def reasons(client: httpx.Client) -> list[str]:
+    answer = client.get("/readyz")
+    body: dict[str, Any] = answer.json()
+    assert (answer.status_code == 503) is bool(body["reasons"]), body
+    assert body["status"] == ("not ready" if body["reasons"] else "ready")
+    said: list[str] = body["reasons"]
+    return said
+
+
+def test_a_journal_that_is_gone_is_a_reason(tmp_path: Path) -> None:
+    journal = tmp_path / "q.db"
+    with Service("--journal", journal, "--workers", "1") as service, service.client() as client:
+        assert reasons(client) == []
+        journal.rename(tmp_path / "moved.db")
+        until(lambda: reasons(client) == ["journal_not_writable"], 10)
+        assert client.get("/livez").status_code == 200
+        (tmp_path / "moved.db").rename(journal)
+        until(lambda: reasons(client) == [], 10)
+
+
+def test_a_disk_without_room_is_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = tmp_path / "q.db"
+    journal.touch()
+    assert core_module._writable(str(journal))
+    real = os.statvfs(tmp_path)
+    full = os.statvfs_result((*real[:4], 0, *real[5:]))
+    monkeypatch.setattr(os, "statvfs", lambda _: full)
+    assert not core_module._writable(str(journal))
+
+
+def test_a_queue_that_is_gone_is_a_reason_until_it_is_back(tmp_path: Path) -> None:
+    with (
+        Service("--journal", tmp_path / "q.db", "--workers", "1") as service,
+        service.client() as client,
+    ):
+        (queue,) = (pid for pid, words in service.children().items() if "running.serving" in words)
+        os.kill(queue, signal.SIGKILL)
+        until(lambda: reasons(client) == ["queue_down"], 10)
+        until(lambda: reasons(client) == [])
+
+
+def test_workers_that_are_gone_are_a_reason(tmp_path: Path) -> None:
+    with Service("--workers", "1") as service, service.client() as client:
+        for pid in service.children():
+            os.kill(pid, signal.SIGSTOP)  # new ones begin, but these first have to be missed
+            os.kill(pid, signal.SIGKILL)
+        until(lambda: {"workers_down", "gate_workers_down"} <= set(reasons(client)), 10)
+        until(lambda: reasons(client) == [])
+
+
+def test_it_drains_before_it_ends() -> None:
+    """It answers all requests, also over new connections, and says that it is not ready."""
+    with Service("--workers", "1", "--drain", "3") as service, service.client() as client:
+        began_s = time.monotonic()
+        service.process.send_signal(signal.SIGTERM)
+        until(lambda: reasons(client) == ["draining"], 2)
+        with service.client() as new:
+            assert reasons(new) == ["draining"]
+            assert new.get("/livez").status_code == 200
+            assert new.post("/v1/gate", json={"plan": GOOD}).json()["verdict"] == "accepted"
+        service.process.wait(60)
+        assert time.monotonic() - began_s >= 3
+        assert service.process.returncode == 0
+
+
+def test_a_second_signal_ends_the_draining() -> None:
+    with Service("--workers", "1", "--drain", "3600") as service, service.client() as client:
+        service.process.send_signal(signal.SIGTERM)
+        until(lambda: reasons(client) == ["draining"], 2)
+        assert service.stop() == 0
+
+
+def test_what_is_about_to_close_is_not_ready(tmp_path: Path) -> None:
+    """Without ``--drain`` it says so to the connections that are still there."""
+    settings = Settings(workers=1)
+
+    async def asked() -> list[str]:
+        core = core_module.Core(settings)
+        try:
+            await core.start()
+            before = await core.unready()
+            core.begin_closing()
+            return [*before, *await core.unready()]
+        finally:
+            await core.close()
+
+    assert asyncio.run(asked()) == ["draining"]
