@@ -231,8 +231,11 @@ class PlanQueueClient:
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         self._pending[number] = future
         try:
-            await process.send({**head, "id": number}, body)
             async with asyncio.timeout(_ANSWER_S):
+                try:
+                    await process.send({**head, "id": number}, body)
+                except Gone:  # whoever listens may notice it later, and breaks the future off then
+                    await process.end()
                 answer = await future
         except TimeoutError:
             await process.end()  # it hangs; whoever listens starts another one

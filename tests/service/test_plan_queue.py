@@ -6,7 +6,8 @@ import asyncio
 import os
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,9 +18,6 @@ from gpsfsm.service.settings import Settings
 from gpsfsm.service.shapes import Problem
 from gpsfsm.workers.frames import Gone
 from tests.service.support import GOOD, Service
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 class Ending(PlanQueueClient):
@@ -99,6 +97,47 @@ def test_a_stop_while_the_queue_begins_is_neither_lost_nor_waited_for(tmp_path: 
     assert first == "lost"
     assert said[0] == "the plan queue is being restarted, and is held once it is back"
     assert said[1].startswith("stop_all: because of me\n")
+
+
+DEAF = """
+import os, sys, time
+from pathlib import Path
+from gpsfsm.workers.frames import pack, read
+
+def say(**head):
+    sys.stdout.buffer.write(pack(head))
+    sys.stdout.buffer.flush()
+
+head, _ = read(sys.stdin.buffer)
+folder = Path(head["journal"]).parent
+first = not (folder / "deaf").exists()
+if first:
+    os.close(0)
+    (folder / "deaf").touch()
+say(ready=True)
+if first:
+    time.sleep(600)
+while (head := read(sys.stdin.buffer)[0])["op"] != "stop":
+    say(id=head["id"], op=head["op"])
+"""
+"""A plan queue whose first process hears nothing, but has not ended where anybody listens to it."""
+
+
+def test_what_is_asked_before_the_end_is_noticed_waits_for_the_next_process(tmp_path: Path) -> None:
+    """A process that is killed closes one pipe after the other."""
+    settings = Settings(journal=str(tmp_path / "q.db"), executor=(sys.executable, "-c", DEAF))
+
+    async def answered() -> tuple[dict[str, Any], int]:
+        queue = PlanQueueClient(settings)
+        await queue.start()
+        try:
+            return await queue.ask("state"), queue.restarts
+        finally:
+            await queue.close()
+
+    answer, restarts = asyncio.run(answered())
+    assert answer["op"] == "state"
+    assert restarts == 1
 
 
 FAILS = """

@@ -58,8 +58,10 @@ def begin(client: httpx.Client, tree: str, **start: Any) -> str:
 
 
 def state(client: httpx.Client, plan: str) -> dict[str, Any]:
-    answer: dict[str, Any] = client.get(f"/v1/plans/{plan}").json()
-    return answer
+    answer = client.get(f"/v1/plans/{plan}")
+    assert answer.status_code == 200, answer.text
+    about: dict[str, Any] = answer.json()
+    return about
 
 
 def run_of(client: httpx.Client, plan: str) -> dict[str, Any]:
