@@ -89,7 +89,10 @@ def _main(arguments: Sequence[str] | None) -> int:
         words = ros_sections(sys.argv[1:] if arguments is None else arguments)
         code = _GROUP.main(words, prog_name="gpsfsm", standalone_mode=False)
     except click.ClickException as error:
-        complain(error.format_message(), hint=_usage_hint(error))
+        message = error.format_message()
+        if isinstance(error, click.MissingParameter):  # click lists choices on lines of their own
+            message = " ".join(message.split())
+        complain(message, hint=_usage_hint(error))
     except (click.Abort, KeyboardInterrupt):
         return _INTERRUPTED
     except InternalError as error:
@@ -221,7 +224,10 @@ def _module_names() -> tuple[str, ...]:
 @click.group(
     cls=Commands,
     invoke_without_command=True,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    context_settings={
+        "help_option_names": ["-h", "--help", "--help-all"],
+        "max_content_width": 100,
+    },
     epilog="\b\nOptions: gpsfsm --version; gpsfsm COMMAND --help (the common ones), --help-all\n"
     f"Documentation: {DOCUMENTATION}",
 )

@@ -7,6 +7,7 @@ its section where it is defined, so there is no list of commands to keep.
 
 from __future__ import annotations
 
+import inspect
 import re
 from enum import Enum
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -27,10 +28,10 @@ OLD_OUTPUT = "--output-file"
 """What ``--output`` was called once; it still works, and no help shows it."""
 
 ANY_PATH = click.Path(readable=False, allow_dash=True)  # reading says more than click
-_COLUMN = 26
+_COLUMN = 22
 _OPTIONS = "Options"
 _HELP_ALL = "--help-all"
-_BOUNDS = re.compile(r"\s+\[[^]]*[<>][^]]*\]$")
+_BOUNDS = re.compile(r"\s+\[[^];]*[<>][^];]*\]$|;[^];]*[<>][^];]*(?=\]$)")
 
 
 class Section(Enum):
@@ -90,10 +91,17 @@ class Command(click.Command):
         aliases: Sequence[str] = (),
         **keywords: Any,
     ) -> None:
-        r"""``aliases`` are names that no help shows; ``\b`` in a raw docstring is click's mark."""
+        r"""``aliases`` are names that no help shows; ``\b`` in a raw docstring is click's mark.
+
+        Most commands state their exit codes; this adds those of the others.
+        """
         super().__init__(*args, **keywords)
         self.section, self.aliases = section, aliases
-        self.help = self.help and self.help.replace("\\b\n", "\b\n")
+        text = inspect.cleandoc(self.help or "").replace("\\b\n", "\b\n")
+        if "Exit code:" not in text and not isinstance(self, click.Group):
+            head, example, rest = text.partition("\n\n\b\nExample")
+            text = f"{head}\n\nExit code: 0 done, 2 not possible.{example}{rest}"
+        self.help = text
         # click keeps the option that it makes in the first context: this one
         self.get_help_option(click.Context(self, help_option_names=["-h", "--help"]))
 

@@ -109,7 +109,6 @@ def _show(name: str, folders: Sequence[str], no_builtin: bool, output_format: st
 def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format: str) -> int:
     r"""Check the capability files below the folders DIR, or single files.
 
-    \b
     Exit code: 0 nothing found, 1 defects, 2 no capability could be read.
 
     \b

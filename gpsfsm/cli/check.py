@@ -151,7 +151,6 @@ class CheckCommand(CheckValues, FailValues):
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     r"""Check the plans in PATH…: files, folders (every *.xml in them), or - for stdin.
 
-    \b
     Exit code: 0 no finding at or above --fail-on, 1 findings, 2 not checked.
     Settings can be in gpsfsm.toml, or in pyproject.toml under [tool.gpsfsm].
 

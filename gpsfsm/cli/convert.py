@@ -40,7 +40,6 @@ _HELP = """Write the plan, behaviour tree or machine in PATH in another format.
 The result is read again and proved equivalent to the original. If the format cannot express a node,
 gpsfsm names the node and writes nothing.
 
-\b
 Exit code: 0 written, 1 the text has errors or the format cannot express it,
 2 undecided, or the file cannot be read.
 

@@ -76,7 +76,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Names, layout, providers and the order of parallel units do not matter. Machines can be compared
     too.
 
-    \b
     Exit code: 0 equivalent, 1 different, 2 undecided or not readable.
 
     \b

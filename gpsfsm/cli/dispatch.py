@@ -37,7 +37,6 @@ _HELP = """Submit the plan in PATH, or in standard input for -, to a Fabric serv
 The gate decides first, for the engine of the server. An accepted plan is submitted and followed to
 its end; Ctrl-C cancels it.
 
-\b
 Exit code: 0 completed; 1 not completed, or rejected and not submitted;
 2 undecided, or could not be submitted; 130 cancelled with Ctrl-C.
 

@@ -85,7 +85,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     All events are verified against the hashes in the journal. If it is damaged, the damage is
     reported first, then everything that can still be read is shown.
 
-    \b
     Exit code: 0 shown, 2 not possible, or something is missing.
 
     \b

@@ -84,7 +84,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     A fix is kept only if a new check shows that it removes its finding and adds no other. Files
     change in place; standard input and JSON lines go to standard output.
 
-    \b
     Exit code: 0 no finding at or above --fail-on remains, 1 some remain (or
     --diff shows a change), 2 a plan could not be read, checked or written.
 

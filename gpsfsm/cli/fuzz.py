@@ -219,7 +219,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Each run is checked against properties; a failure is reported with the simplest run that shows
     it. --mutate measures instead how many small changes to the plan its checks notice.
 
-    \b
     Exit code: 0 nothing found, 1 a property broken or a mutant missed, 2 failed.
 
     \b

@@ -94,12 +94,11 @@ class GateCommand(GateValues):
 @declare("--config", metavar="FILE", help="Use this configuration file. [default: none]")
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    r"""Decide whether the plans in PATH… may run: files, folders (every *.xml), or -.
+    r"""Decide whether the plans in PATH… may run: files, folders of *.xml, or -.
 
     The gate rejects every plan that is not certain to be right. It searches for no configuration
     file, and comments in a plan suppress nothing.
 
-    \b
     Exit code: 0 all plans accepted, 1 a plan rejected, 2 a plan undecided.
 
     \b

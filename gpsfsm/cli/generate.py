@@ -130,7 +130,6 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
 
     The accepted plan goes to standard output, everything else to standard error.
 
-    \b
     Exit code: 0 a plan was accepted, 1 none was, 2 the model gave no answer.
 
     \b

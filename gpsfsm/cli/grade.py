@@ -95,9 +95,9 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     r"""Grade the answers in PATH…: files, folders (all *.xml in them), or - for standard input.
 
     \b
-    success  the text reads as a plan, and the plan fulfils the task in every scenario
+    success  reads as a plan, and the plan fulfils the task in every scenario
     partial  only one of the two
-    failed   neither, or there is no plan, or the answer is the example of the prompt
+    failed   neither, or there is no plan, or it is the example of the prompt
 
     Exit code: 0 every answer has its grade, 2 one could not be read or decided.
 

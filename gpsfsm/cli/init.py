@@ -14,7 +14,7 @@ from gpsfsm.streams import write_message
 
 _EXAMPLE = """\b
 Example:
-  gpsfsm init --name lab --runner nav2_capabilities/WaypointRunner --map -10 10 -5 5"""
+  gpsfsm init --name lab --engine fabric-v2 --map -10 10 -5 5"""
 
 
 @click.command(

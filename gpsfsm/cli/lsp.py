@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 def COMMAND() -> int:  # noqa: N802  (it is an object)
     r"""Run the language server on standard input and output.
 
-    \b
     Editors start it themselves; docs/editors.md explains how to set them up.
     It checks open documents like 'gpsfsm check', with the configuration of
     their folder.
+
+    Exit code: 0 ended, 1 ended by an editor that has not announced it, 2 could not start.
 
     \b
     Example:
@@ -36,7 +37,9 @@ def COMMAND() -> int:  # noqa: N802  (it is an object)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
-        raise UsageError("gpsfsm lsp needs pygls: pip install 'gpsfsm[lsp]'") from None
+        raise UsageError(
+            "gpsfsm lsp needs pygls: pip install 'gpsfsm[lsp]', or '.[lsp]' in a clone"
+        ) from None
     return serve(_options_of, _unheard)
 
 

@@ -38,7 +38,6 @@ def COMMAND(context: click.Context, journal: str | None, number: int | None) -> 
     External inputs come from the journal. A simulated run that has ended is also simulated again
     from its seed and world. If plans continued one another, all of their runs are replayed.
 
-    \b
     Exit code: 0 all events are the same, 1 one differs, 2 not possible.
 
     \b

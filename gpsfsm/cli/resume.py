@@ -90,7 +90,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     allows it, and has failed otherwise. A journal grants no permissions: --real, --allow-…,
     --capabilities and --model must be given again. Then the plans that were waiting run.
 
-    \b
     Exit code: as for 'gpsfsm run'. A run that has ended is left alone.
 
     \b

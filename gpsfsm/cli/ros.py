@@ -43,7 +43,6 @@ _GATE = """Offer the public names of a Fabric server and pass on only plans that
 Start the server with its names remapped under --private. Everything fails closed: without a
 verdict, or without the server, the plan is rejected.
 
-\b
 Exit code: 0 stopped on request, 2 could not start.
 
 \b

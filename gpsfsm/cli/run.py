@@ -203,7 +203,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Runners are simulated with random outcomes unless --world, --scenario or --real is given.
     Several plans run one after the other.
 
-    \b
     Exit code: 0 completed; 1 not completed, or not run because of errors;
     2 could not run; 130 cancelled with Ctrl-C. For several plans, the worst.
 

@@ -58,6 +58,7 @@ def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
             declare(
                 "--port",
                 type=click.IntRange(0, 65_535),
+                metavar="N",
                 default=8321,
                 show_default=True,
                 common=True,
@@ -282,7 +283,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
     Without a token, only this machine can connect. /openapi.json describes the interface.
 
-    \b
     Exit code: 0 stopped on request, 2 could not start, or its queue failed.
 
     \b

@@ -78,7 +78,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
     With --engine, draw what an original engine makes of it.
 
-    \b
     Exit code: 0 drawn, 1 the text has errors (it is drawn if it holds a plan)
     or the engine rejects it, 2 not possible.
 

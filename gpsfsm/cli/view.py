@@ -96,7 +96,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     The page is one file that needs no network: tree, automaton and text of each plan, with its
     findings and scenarios that play step by step.
 
-    \b
     Exit code: 0 written, 1 written but a text has errors, 2 not written.
 
     \b

@@ -44,4 +44,4 @@ def _require(*modules: str) -> None:
             importlib.import_module(module)
     except ImportError as error:
         needed = "the service needs Starlette and uvicorn: pip install 'gpsfsm[serve]'"
-        raise UsageError(f"{needed} ({error})") from error
+        raise UsageError(f"{needed}, or '.[serve]' in a clone ({error})") from error

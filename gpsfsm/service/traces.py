@@ -42,7 +42,7 @@ _METHODS = frozenset(
 _OTHER = "_OTHER"
 """What the conventions call a method that nobody knows."""
 _FLUSH_S = 3.0
-_INSTALL = "pip install 'gpsfsm[otel]'"
+_INSTALL = "pip install 'gpsfsm[otel]', or '.[otel]' in a clone"
 
 
 class Traces:

@@ -49,6 +49,7 @@ def test_help_is_short_and_says_where_there_is_more(
     monkeypatch.setenv("COLUMNS", columns)
     lines = text_of(path, "--help", capsys).splitlines()
     assert len(lines) < MOST_LINES
+    assert max(map(len, lines)) <= int(columns)
     assert lines[-1].strip() == f"Documentation: {DOCUMENTATION}"
     assert "--help-all" in lines[-2]
 
@@ -67,6 +68,30 @@ def test_help_all_shows_every_option(path: str, capsys: pytest.CaptureFixture[st
     assert OLD_OUTPUT not in everything
     assert len(short) <= len(everything)
     assert "=" not in "".join(re.findall(r"\[[^]]*[<>][^]]*\]", short))
+
+
+@pytest.mark.parametrize(
+    "path", [path for path, each in ALL.items() if not isinstance(each.command, click.Group)]
+)
+def test_help_states_the_exit_codes(path: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert text_of(path, "--help", capsys).count("  Exit code: ") == 1
+
+
+def test_help_shows_defaults_without_bounds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "[default: 8321]" in text_of("gpsfsm serve", "--help", capsys)
+    assert "[default: 8321; 0<=x<=65535]" in text_of("gpsfsm serve", "--help-all", capsys)
+
+
+def test_help_all_without_a_command_is_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert text_of("gpsfsm", "--help-all", capsys) == text_of("gpsfsm", "--help", capsys)
+
+
+@pytest.mark.parametrize("words", [["completion"], ["grammar"], ["port", "plan.xml"]])
+def test_choices_stand_in_the_line_that_asks_for_one(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    assert re.search(r"Missing .*Choose from: \S+, \S+, \S+", capsys.readouterr().err)
 
 
 def test_a_command_has_the_same_help_without_its_group() -> None:

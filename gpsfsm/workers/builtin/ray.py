@@ -35,7 +35,7 @@ _LOOK_S = 5.0
 _ADDRESS = pattern(r"ray(://[A-Za-z0-9_.\-\[\]:]{1,200}:[0-9]{1,5})?")
 _SILENCE = "RAY_DEDUP_LOGS_SKIP_REGEX"
 _MISSING = """--jobs {jobs} needs Ray, which is not installed; install the extra 'ray':
-  pip install 'gpsfsm[ray]'"""
+  pip install 'gpsfsm[ray]', or '.[ray]' in a clone"""
 
 
 def _do(work: Work[Item, Result], items: Sequence[Item]) -> tuple[str, list[Result] | UsageError]:
