@@ -323,7 +323,8 @@ def _find_unused_output(context: Context) -> Iterator[Finding]:
             f"nothing uses the {what} of {context.place(first)}: {names}{more}",
             context.plan.location(first),
             related=tuple(
-                context.related(other, "nor that of this runner") for other in others[:_MAX_RELATED]
+                context.related(other, "its output is not used either")
+                for other in others[:_MAX_RELATED]
             ),
         )
 
