@@ -20,6 +20,6 @@ ANSWERS = [
 ]
 
 print(rewards(ANSWERS, TASK))
-with Rewards(jobs=2, timeout_s=5.0) as settings:
-    for found in settings.batch(ANSWERS, TASK):
+with Rewards(jobs=2, timeout_s=60.0) as grader:
+    for found in grader.batch(ANSWERS, TASK):
         print(found.value, found.grade, found.reason[:60].strip())

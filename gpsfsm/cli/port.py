@@ -74,7 +74,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     The new plan is proved equivalent for all outcomes. If no such plan exists, gpsfsm reports what
     would be lost and writes nothing, unless --unsafe is given.
 
-    \b
     Exit code: 0 written, 1 the engine cannot do the same (or --diff or --check
     finds a change), 2 the plan could not be read, decided or written.
 
@@ -151,8 +150,8 @@ def _lines(ported: Ported, file: str, values: PortCommand) -> Iterator[str]:
     elif not ported.changed:
         yield f"{name}: {engine} runs this plan as the paper specifies; no change is needed"
     else:
-        would = "would be" if values.diff or values.check else "is"
-        yield f"{name}: {would} rewritten for {engine}, with a proof that it behaves the same there"
+        would = "would be " if values.diff or values.check else ""
+        yield f"{name}: {would}rewritten for {engine}; proved to behave the same there"
 
 
 def _changes(change: Change, name: str, engine: str) -> Iterator[str]:

@@ -61,7 +61,7 @@ def test_a_plan_is_rewritten(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     place = TWO.splitlines()[2].rfind("<Control") + 1
     assert err == (
         f"two.xml:3:{place}: note: this recovery is merged with the recovery before it\n"
-        "two.xml: is rewritten for fabric-v2, with a proof that it behaves the same there\n"
+        "two.xml: rewritten for fabric-v2; proved to behave the same there\n"
     )
     assert (tmp_path / "two.xml").read_text() == TWO
     (tmp_path / "again.xml").write_text(out)
