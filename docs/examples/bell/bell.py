@@ -7,7 +7,7 @@ from gpsfsm import RunContext, Runner, RunnerError
 
 
 class RingRunner(Runner):
-    """Rings the bell; somebody comes, or nobody."""
+    """Rings the bell; fails if nobody comes in time."""
 
     simulated = True  # waits only through its context, so it also works in simulation
 
