@@ -301,7 +301,7 @@ def test_without_the_extra_it_says_how_to_get_it() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 2
-    assert "pip install 'gpsfsm[serve]'" in done.stderr
+    assert "pip install 'gpsfsm[serve]', or '.[serve]' in a clone" in done.stderr
     assert "Traceback" not in done.stderr
 
 
