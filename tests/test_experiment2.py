@@ -6,12 +6,15 @@ plan is dispatched; the plan that did its task must not be rejected for anything
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import pytest
 
 import gpsfsm
 from gpsfsm import Finding, Severity
+from gpsfsm.cli import main
+from tests.conftest import REPO
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -90,6 +93,20 @@ def test_a_name_that_never_gets_to_the_speech(findings: Findings) -> None:
     assert "at line 7 does not reach this step" in finding.message
     assert "here WaypointRunner" in finding.message
     assert only(findings("it2_plan_6"), "GP403", 6).severity is Severity.WARNING
+
+
+def test_the_readme_shows_it_as_it_is_printed(
+    shared_corpus: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The file has a shorter name there, and lines are broken to fit."""
+    path = shared_corpus / "experiment2" / "it2_plan_6__fabric_parsed_2.xml"
+    assert main(["check", "--isolated", str(path)]) == 1
+    printed = " ".join(capsys.readouterr().out.replace(str(path), "plan.xml").split())
+    readme = (REPO / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```text\n(plan\.xml:.*?)\n```", readme, re.DOTALL)
+    message, hint = (" ".join(part.split()) for part in block.split("= hint:"))
+    assert message in printed
+    assert f"= hint: {hint}" in printed
 
 
 def test_a_condition_that_is_written_as_a_recovery(findings: Findings) -> None:
