@@ -24,6 +24,7 @@ from gpsfsm.cli._options import (
     format_option,
     library_options,
     limit_options,
+    option,
     permissions,
     read_values,
     response_option,
@@ -51,58 +52,52 @@ if TYPE_CHECKING:
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm run plan.xml"""
+_EFFORT = ("rlimit", "total_rlimit")
 _SETTINGS = frozenset(
-    {*LIMITS, "from_response", "capabilities", "builtin_capabilities", "robot", "engine"}
+    (*LIMITS, *_EFFORT, "from_response", "capabilities", "builtin_capabilities", "robot", "engine")
 )
 
 
-def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options about who acts."""
-    options = (
-        declare_file(
-            "--world",
-            common=True,
-            help="Simulate the runners in this world file.",
-        ),
-        declare_file(
-            "--scenario",
-            common=True,
-            help="Replay a scenario from a JSON report of check.",
-        ),
-        declare(
-            "--finding",
-            type=click.IntRange(min=1),
-            metavar="N",
-            help="Number of the finding to replay. [default: the first with a scenario]",
-        ),
-        declare("--real", is_flag=True, common=True, help="Run real runners in real time."),
-        declare(
-            "--seed",
-            type=int,
-            default=0,
-            metavar="N",
-            common=True,
-            help="Random seed. [default: 0]",
-        ),
-        declare(
-            "--failure",
-            type=NumberRange(0, 1),
-            metavar="P",
-            common=True,
-            help="Probability that an action fails. [default: 0.1]",
-        ),
-        declare(
-            "--speed",
-            type=NumberRange(0, 1e6, min_open=True),
-            metavar="X",
-            common=True,
-            help="Simulated seconds per second. [default: no waiting]",
-        ),
-    )
-    return apply((*options, *_MORE), command, "Runners")
-
-
-_MORE = (
+_RUNNER_OPTIONS = (
+    declare_file(
+        "--world",
+        common=True,
+        help="Simulate the runners in this world file.",
+    ),
+    declare_file(
+        "--scenario",
+        common=True,
+        help="Replay a scenario from a JSON report of check.",
+    ),
+    declare(
+        "--finding",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="Number of the finding to replay. [default: the first with a scenario]",
+    ),
+    declare("--real", is_flag=True, common=True, help="Run real runners in real time."),
+    declare(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        common=True,
+        help="Random seed. [default: 0]",
+    ),
+    declare(
+        "--failure",
+        type=NumberRange(0, 1),
+        metavar="P",
+        common=True,
+        help="Probability that an action fails. [default: 0.1]",
+    ),
+    declare(
+        "--speed",
+        type=NumberRange(0, 1e6, min_open=True),
+        metavar="X",
+        common=True,
+        help="Simulated seconds per second. [default: no waiting]",
+    ),
     declare(
         "--groot",
         metavar="[HOST:]PORT",
@@ -115,6 +110,11 @@ _MORE = (
         help="Time limit per action; beyond it, it is stopped and fails.",
     ),
 )
+
+
+def _runner_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about who acts."""
+    return apply(_RUNNER_OPTIONS, command, "Runners")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +143,8 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     output_format: str
     verbose: bool
     from_response: bool
+    rlimit: int | None
+    total_rlimit: int | None
     model: ModelSettings | None = None
 
 
@@ -151,7 +153,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
 )
 @click.argument("paths", nargs=-1, metavar="[PATH]...", type=ANY_PATH)
 @engine_option
-@_how_options
+@_runner_options
 @allow_options
 @declare_file(
     "--journal",
@@ -194,6 +196,8 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
 @regeneration_options
 @library_options
 @response_option
+@option("rlimit")
+@option("total_rlimit")
 @limit_options
 @config_options
 @click.pass_context
@@ -247,23 +251,19 @@ def _refuse_contradictions(values: RunCommand) -> None:
     for name in (*PERMISSIONS, "bond", "via", "ros_args"):
         if getattr(values, name) and not values.real:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")
-    _refuse_model(values)
-
-
-def _refuse_model(values: RunCommand) -> None:
-    """Outcomes that are drawn, or taken from a scenario, ask nobody."""
+    # outcomes that are drawn, or taken from a scenario, ask nobody
     if values.model_name and not (values.world or values.real):
         raise UsageError("--model needs --world or --real")
 
 
 def _run(values: RunCommand) -> int:
+    from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.running.admission import Admission, Refused
     from gpsfsm.running.interruption import Interruption
     from gpsfsm.running.scenario import check_scenario, read_scenario
     from gpsfsm.running.session import Submission
     from gpsfsm.running.terminal import Show, Terminal
 
-    limits = values.limits
     plans = _plans(values)
     groot = None
     if values.groot is not None:
@@ -276,7 +276,9 @@ def _run(values: RunCommand) -> int:
         scenario = read_scenario(values.scenario, plans[0][0], values.finding)
     base = _heading(values, capabilities, scenario)
     silent = scenario is not None  # those who look at a finding know of it
-    admission = Admission(base, capabilities, limits, force=values.force, silent=silent, trees=True)
+    analysis = AnalysisOptions(**{k: v for k in _EFFORT if (v := getattr(values, k)) is not None})
+    how = (base, capabilities, values.limits)
+    admission = Admission(*how, force=values.force, silent=silent, trees=True, analysis=analysis)
     show = Show(
         output_format=values.output_format,
         verbose=values.verbose,
@@ -334,12 +336,10 @@ def _heading(
     engine = engine_for(values.engine, scenario, values.scenario or "")
     if engine != PAPER_ENGINE:
         options["engine"] = engine
-    if values.max_plans not in (None, MAX_PLANS):
-        options["max_plans"] = values.max_plans
-    if values.max_visits is not None:
-        options["max_visits"] = values.max_visits
-    if values.timeout is not None:
-        options["timeout_s"] = values.timeout
+    bounds = {"max_visits": values.max_visits, "timeout_s": values.timeout}
+    if values.max_plans != MAX_PLANS:
+        bounds = {"max_plans": values.max_plans, **bounds}
+    options |= {name: bound for name, bound in bounds.items() if bound is not None}
     if values.world:
         mode, world = prepare.WORLD, _world(values.world, capabilities.library)
     elif scenario is not None:

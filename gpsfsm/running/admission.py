@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from contextlib import ExitStack
 
+    from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.checking import CheckOptions
     from gpsfsm.execution.journal import Heading
@@ -72,8 +73,9 @@ class Admission:
     """Decides about plans, all with the same options, as ``gpsfsm gate`` does.
 
     ``base`` is the heading of their runs, ``library`` what their names mean. ``force`` admits
-    plans with errors, ``silent`` does so without a word. ``check`` is what checks; another process
-    may do it. ``advice`` is what refused plans make people do.
+    plans with errors, ``silent`` does so without a word. ``analysis`` is how much may be done to
+    decide. ``check`` is what checks; another process may do it. ``advice`` is what refused plans
+    make people do.
     """
 
     def __init__(
@@ -85,6 +87,7 @@ class Admission:
         force: bool = False,
         silent: bool = False,
         trees: bool = False,
+        analysis: AnalysisOptions | None = None,
         check: Callable[[bytes, str, CheckOptions], PlanReport] = check_text,
         advice: Advice = FROM_COMMAND,
     ) -> None:
@@ -97,6 +100,7 @@ class Admission:
         self._force = force
         self._silent = silent
         options = check_options(
+            analysis,
             from_response=base.options.get("from_response") is True,
             limits=limits,
             capabilities=capabilities,

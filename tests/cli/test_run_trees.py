@@ -79,6 +79,17 @@ def test_a_machine_of_a_tree_is_journaled_told_and_replayed(tmp_path: Path) -> N
     assert "the choice &#x27;Repeat" in drawn or "the choice 'Repeat" in drawn
 
 
+def test_the_steps_that_a_proof_may_take_are_those_of_the_command_line(tmp_path: Path) -> None:
+    """Else what ``check --rlimit`` accepts could only be forced."""
+    refused = run("run", *IN_DEPOT, "--rlimit", "1", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "undecided (not proved: over --rlimit), so it is not run" in refused.stderr.decode()
+    (tmp_path / "gpsfsm.toml").write_text("rlimit = 1\n", encoding="utf-8")
+    named = ("run", *IN_DEPOT, "--config", "gpsfsm.toml")
+    assert run(*named, cwd=tmp_path).stderr == refused.stderr
+    assert run(*named, "--rlimit", "50000000", cwd=tmp_path).returncode == 0
+
+
 def test_json_of_a_tree_is_that_of_its_journal(tmp_path: Path) -> None:
     file = machine(tmp_path)
     done = run("run", file, "--seed", "2", "--format", "json", "--journal", "j.db", cwd=tmp_path)
