@@ -2,7 +2,7 @@
 # sources nor what built them.
 FROM python:3.12-slim-bookworm AS build
 WORKDIR /source
-COPY constraints.txt pyproject.toml README.md LICENSE ./
+COPY constraints.txt pyproject.toml setup.py README.md LICENSE ./
 COPY gpsfsm gpsfsm
 COPY analysis analysis
 COPY grammars grammars

@@ -9,6 +9,7 @@ import tomllib
 import zipfile
 from email.parser import Parser
 from pathlib import Path
+from runpy import run_path
 from typing import Any
 
 import pytest
@@ -19,7 +20,7 @@ from tests.pipelines.support import REPO, snippets
 
 PROJECT: dict[str, Any] = tomllib.loads((REPO / "pyproject.toml").read_text("utf-8"))
 PLAN = REPO / "corpus" / "plans" / "patrol.xml"
-IN_SDIST = ("CHANGELOG.md", "LICENSE", "README.md", "pyproject.toml")
+IN_SDIST = ("CHANGELOG.md", "LICENSE", "README.md", "pyproject.toml", "setup.py")
 NOT_FOR_USERS = {"dev", "docs"}
 RUN = {"pipx", "uv", "pip", "Offline", "Source", "Releases"}
 """The sections whose commands are run here."""
@@ -43,6 +44,11 @@ def test_every_command_of_the_page_is_run_somewhere() -> None:
 def test_every_extra_is_explained() -> None:
     rows = set(re.findall(r"^\| `(\w+)` \|", section_of("Extras"), re.MULTILINE))
     assert rows == set(PROJECT["project"]["optional-dependencies"]) - NOT_FOR_USERS
+
+
+def long_description() -> str:
+    made: str = run_path(str(REPO / "setup.py"))["long_description"]()
+    return made
 
 
 def section_of(heading: str) -> str:
@@ -82,6 +88,25 @@ def test_both_packages_hold_every_file(released: Released) -> None:
     assert about["Version"] == VERSION
     assert f"Source, {REPOSITORY}" in about.get_all("Project-URL", [])
     assert about["License-Expression"] == "Apache-2.0"
+    assert about["Description-Content-Type"] == "text/markdown"
+    assert about.get_payload() == long_description()
+
+
+def test_the_page_on_an_index_has_no_relative_links() -> None:
+    """Its links and pictures are files of the repository, in this version."""
+    text = re.sub(r"^```.*?^```$", "", long_description(), flags=re.MULTILINE | re.DOTALL)
+    targets = re.findall(r"\]\(([^)\s]+)|(?:src|href)=\"?([^\s\">]+)", text)
+    found = [one or other for one, other in targets]
+    assert [each for each in found if not re.match("https://", each)] == []
+    ours = [
+        re.fullmatch(rf"{REPOSITORY}/(raw|blob)/v{re.escape(VERSION)}/([^#]+)(#.*)?", each)
+        for each in found
+        if each.startswith(f"{REPOSITORY}/")
+    ]
+    assert len(ours) > 5
+    assert all(each and (REPO / each[2]).is_file() for each in ours)
+    pictures = [each[2] for each in ours if each and each[1] == "raw"]
+    assert pictures == re.findall(r"!\[[^]]*\]\(([^)]+)\)", (REPO / "README.md").read_text("utf-8"))
 
 
 @pytest.mark.packages
