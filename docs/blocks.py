@@ -6,7 +6,7 @@ the tests' server, which speaks the protocols of Ollama and OpenAI, on an addres
 serves does so on a free port until it says so, and is stopped; ``curl`` meets such a service. A
 journal that a block does not write itself is that of a run which was killed. Lines that need what
 no machine of CI has stand in NOT_RUN with the reason; if they call gpsfsm their options are still
-parsed. ``git clone`` of the placeholder owner takes this clone, and ``pip install`` is held
+parsed. ``git clone`` of this repository takes this clone, and ``pip install`` is held
 against pyproject.toml. ``python`` is run there, too, or compiled with its imports and names looked
 up (FRAGMENTS). ``xml``, ``yaml``, ``toml`` and ``json`` are read, by the readers of gpsfsm where
 the file is one of theirs. What is left is listed in ELSEWHERE and WHOLE.
@@ -42,6 +42,7 @@ from check import ROOT, documents, environment
 from lxml import etree
 
 import gpsfsm
+from gpsfsm.version import REPOSITORY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -69,6 +70,7 @@ WHOLE = {
 }
 """Blocks of a language in a page for which other tests answer."""
 
+_HERE = re.escape(REPOSITORY.removeprefix("https://")) + r"(?![\w-])"
 NOT_RUN = {
     r"source /opt/ros/|ros2 ": "needs an installed ROS 2",
     r"gpsfsm run .*--real\b|gpsfsm (dispatch|ros|capabilities pull)\b|.*--model prompt-tools": (
@@ -81,7 +83,7 @@ NOT_RUN = {
     r"python3? -m venv|\. ": "makes an environment: make package-check",
     r"pip install|pipx |uv tool": "installs: make package-check",
     r"npm |npx |code ": "needs node or an editor: tests/lsp read the extension",
-    r"git clone https://github\.com/(?!OWNER/)|python experiments/evaluate\.py gpsfsm-2026": (
+    rf"git clone https://(?!{_HERE})|python experiments/evaluate\.py gpsfsm-2026": (
         "needs a repository of others: tests/grading use a sample of it"
     ),
     r"gpsfsm fix PATH": "is a synopsis",
@@ -292,20 +294,20 @@ def _run(words: Sequence[str]) -> Iterator[str]:
         make.parent.mkdir()
         make.write_text("#!/bin/sh\n", encoding="utf-8")
         make.chmod(make.stat().st_mode | stat.S_IXUSR)
-        git = {
-            "GIT_CONFIG_COUNT": "2",
-            "GIT_CONFIG_KEY_0": f"url.{ROOT}.insteadOf",
-            "GIT_CONFIG_VALUE_0": "https://github.com/OWNER/gpsfsm",
-            "GIT_CONFIG_KEY_1": "safe.directory",
-            "GIT_CONFIG_VALUE_1": "*",
-        }
+        bare = environment(make.parent)
+        count = int(bare["GIT_CONFIG_COUNT"])
+        git = {"GIT_CONFIG_COUNT": str(count + 2)}
+        for number, (key, value) in enumerate(
+            ((f"url.{ROOT}.insteadOf", REPOSITORY), ("safe.directory", "*")), start=count
+        ):
+            git |= {f"GIT_CONFIG_KEY_{number}": key, f"GIT_CONFIG_VALUE_{number}": value}
         done = subprocess.run(  # noqa: S603  (the blocks of our own documentation)
             words,
             cwd=scratch,
             env={
-                **environment(make.parent),
+                **bare,
                 **git,
-                **{"GPSFSM_BASE_URL": _models(), "BROWSER": "true"},
+                **{"GPSFSM_BASE_URL": _models(), "BROWSER": "true", "HOME": name},
             },
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

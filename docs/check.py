@@ -22,6 +22,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -38,11 +39,19 @@ TIMEOUT_S = 120
 _TIMED_OUT = 124
 _ALIKE = 0.6
 """Two lines that are this much alike are the same one, a little changed."""
-_NOT_INHERITED = ("COLUMNS", "FORCE_COLOR", "GPSFSM_DEBUG")
-
-
-_GIT = {"NAME": "A reader", "EMAIL": "reader@example.org"}
-"""Who commits where the pages use git: a machine of CI has not been told."""
+_NOT_INHERITED = re.compile(
+    r"COLUMNS|FORCE_COLOR|GPSFSM_DEBUG|EMAIL|GIT_(?:AUTHOR|COMMITTER|CONFIG)_\w+"
+)
+_BARE = {
+    "HOME": os.devnull,
+    "XDG_CONFIG_HOME": os.devnull,
+    "GIT_CONFIG_GLOBAL": os.devnull,
+    "GIT_CONFIG_NOSYSTEM": "1",
+    "GIT_CONFIG_COUNT": "1",
+    "GIT_CONFIG_KEY_0": "user.useConfigOnly",  # else git guesses an author where it can
+    "GIT_CONFIG_VALUE_0": "true",
+}
+"""Nothing depends on what the developer has configured: a page says all that its commands need."""
 
 
 class DocsError(Exception):
@@ -256,18 +265,17 @@ def _run(command: str, status: int, root: Path, programs: Path | None) -> tuple[
 
 
 def environment(first: Path | None) -> dict[str, str]:
-    """As on any machine: no colours, no width of a terminal, UTF-8."""
-    found = {name: value for name, value in os.environ.items() if name not in _NOT_INHERITED}
+    """As on a new machine: no colours, no width of a terminal, UTF-8, and nothing configured."""
+    found = {n: value for n, value in os.environ.items() if not _NOT_INHERITED.fullmatch(n)}
     programs = Path(sys.executable).parent  # not resolved: a virtual environment links its python
     path = (first, programs, os.environ.get("PATH", os.defpath))
     return found | {
         "PATH": os.pathsep.join(str(part) for part in path if part),
         "LC_ALL": "C.UTF-8",
-        "XDG_CONFIG_HOME": os.devnull,  # nothing depends on what the developer has configured
         "NO_COLOR": "1",
         "PYTHONUTF8": "1",
         "TERM": "dumb",
-        **{f"GIT_{role}_{part}": _GIT[part] for role in ("AUTHOR", "COMMITTER") for part in _GIT},
+        **_BARE,
     }
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-import re
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from gpsfsm.version import REPOSITORY
 
 REPO = Path(__file__).parents[1]
 
@@ -77,7 +78,7 @@ def test_most_commands_are_run() -> None:
     ]
     run = [command for command in scripts if not BLOCKS.reason_not_run(command)]
     assert len(run) > 80
-    assert any(re.match("git clone https://github.com/OWNER/", each) for each in run)
+    assert any(each.startswith(f"git clone {REPOSITORY}") for each in run)
 
 
 @pytest.mark.commands
@@ -121,7 +122,7 @@ def test_a_wrong_block_is_noticed(tmp_path: Path, language: str, text: str, comp
         ("sh", "gpsfsm resume run.db > out.txt\ngrep -q COMPLETED out.txt"),
         ("sh", "gpsfsm generate 'go' --model openai:gpt-5 -o new.xml\ntest -s new.xml"),
         ("sh", "curl localhost:8321/v1/rules > rules.json\ngrep -q GP303 rules.json"),
-        ("sh", "git clone --quiet --depth 1 https://github.com/OWNER/gpsfsm && test -d gpsfsm"),
+        ("sh", f"git clone --quiet --depth 1 {REPOSITORY} && test -d gpsfsm"),
         ("python", "import gpsfsm\nassert gpsfsm.check('plan.xml').ok"),
         ("toml", 'ignore = ["GP302"]'),
         ("json", '{"a": 1}\n{"b": 2}'),

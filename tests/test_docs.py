@@ -198,6 +198,16 @@ def test_the_programs_of_this_installation_come_first(tmp_path: Path) -> None:
     assert found.returncode == 0, found.stdout
 
 
+def test_nothing_is_configured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a new machine: who commits has to say who that is."""
+    for role in ("AUTHOR", "COMMITTER"):
+        monkeypatch.setenv(f"GIT_{role}_NAME", "A developer")
+        monkeypatch.setenv(f"GIT_{role}_EMAIL", "developer@example.org")
+    command = "$ git init -q . && git commit --allow-empty -qm x"
+    done = check(page(tmp_path, command, "Author identity unknown", "…"), "--root", tmp_path)
+    assert done.returncode == 0, done.stdout
+
+
 def test_only_console_blocks_are_run(tmp_path: Path) -> None:
     file = tmp_path / "page.md"
     file.write_text(f"{FENCE}sh\n$ exit 3\n{FENCE}\n$ exit 4\n", encoding="utf-8")

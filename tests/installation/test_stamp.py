@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import yaml
 
 import gpsfsm
 from gpsfsm.version import IMAGE, OWNER, REPOSITORY, VERSION
+from tests.pipelines.support import clone
 
 REPO = Path(__file__).parents[2]
 STAMP = "packaging/stamp.py"
@@ -124,6 +126,30 @@ def test_everything_follows_the_owner_and_the_version(
     assert written["IMAGE"] != IMAGE
     assert json.loads(copied["editors/vscode/package.json"])["version"] == new["version"]
     assert f"v{VERSION}" not in copied["docs/gate.md"]
+
+
+@pytest.mark.packages
+def test_tests_follow_the_owner(tmp_path: Path) -> None:
+    """Those of blocks, the site and the packages, in a clone that somebody else publishes."""
+    copy = clone(tmp_path / "copy")
+    module = copy / "gpsfsm" / "version.py"
+    text = module.read_text("utf-8").replace(f'OWNER = "{OWNER}"', 'OWNER = "Robots-R-Us"')
+    module.write_text(text, encoding="utf-8")
+    subprocess.run([sys.executable, STAMP], cwd=copy, check=True)
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"),
+            *("-m", "not packages", "-k", "not blocks_are or tutorial/index or README"),
+            *("--deselect", "tests/test_blocks.py::test_a_wrong_block_is_noticed"),
+            *("tests/test_blocks.py", "tests/test_site.py", "tests/installation"),
+        ],
+        cwd=copy,
+        env={**os.environ, "PYTHONPATH": str(copy)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-4000:]
 
 
 @pytest.mark.parametrize(
