@@ -25,7 +25,7 @@ demo: $(VENV)/installed  ## check a shipped plan
 test: $(VENV)/installed-dev  ## the whole test suite; CASES=all takes all random cases, not one of four
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
-test-browser: $(VENV)/installed-dev  ## the pages in a real browser; Chromium comes from the system
+test-browser: $(VENV)/installed-dev $(VENV)/installed-docs  ## the pages in a real browser; Chromium comes from the system
 	$(PIP) $(PINS) 'playwright>=1.50'
 	$(BIN)/python -m pytest -n auto --dist worksteal -m browser
 
