@@ -12,6 +12,7 @@ from gpsfsm.checking.includes import includes_of, joined_text
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.compile import MachinePlan
 from gpsfsm.errors import GpsfsmError, InputError
+from gpsfsm.late import collecting_rarely
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.version import VERSION
 from gpsfsm.viewing.plans import Seen, Viewed, plan_data, rules_of, seen_of
@@ -49,6 +50,7 @@ def view_input(
     return Viewed(text, check_text(text, item.path, options, includes))
 
 
+@collecting_rarely()
 def document(
     viewed: Sequence[Viewed],
     options: CheckOptions,

@@ -24,11 +24,10 @@ _EXPORT = re.compile(r"^export (?=(?:async function|function|const|let|class)\b)
 _DECLARED = re.compile(
     r"^(export )?(?:async function|function|const|let|var|class)\b[ \t*]*([\w$]+|[\[{])", re.M
 )
-_LEFT = re.compile(r"^[ \t]*(?:import|export)\b(?!\s*:)|\bimport\s*\(|\bimport\.meta\b", re.M)
-_MARKUP = re.compile(r"</script|<!--", re.I)
+# Patterns that begin with plain letters are found several times as fast.
+_LEFT = re.compile(r"\n[ \t]*(?:import|export)\b(?!\s*:)")
+_LEFT_INSIDE = re.compile(r"import(?<!\wimport)(?:\s*\(|\.meta\b)")
 _BLOCK = re.compile(r"^[ \t]*/\*.*?\*/[ \t]*\n", re.M | re.S)
-_REMARK = re.compile(r"^[ \t]*//.*\n|^[ \t]+|[ \t]+$|^\n", re.M)
-_LONG_TEXT = re.compile(r"^[^`\n]*(?:`[^`\n]*`[^`\n]*)*`[^`\n]*$", re.M)
 _NAME = re.compile(r"[A-Za-z_$][\w$]*\Z")
 
 
@@ -72,7 +71,8 @@ def read_module(name: str, source: str) -> Module:
             raise JoinError(f"{name}: give each name at the top a declaration of its own")
     text = _EXPORT.sub("", body)
     _refuse(name, text)
-    text = _REMARK.sub("", _BLOCK.sub("", text))
+    lines = (line.strip(" \t") for line in _BLOCK.sub("", text).split("\n"))
+    text = "".join(f"{line}\n" for line in lines if line and not line.startswith("//"))
     return Module(
         name,
         text,
@@ -83,13 +83,13 @@ def read_module(name: str, source: str) -> Module:
 
 
 def _refuse(name: str, text: str) -> None:
-    left = _LEFT.search(text)
+    left = _LEFT.search(f"\n{text}") or _LEFT_INSIDE.search(text)
     if left is not None:
-        line = text[left.start() :].strip().splitlines()[0][:80]
+        line = left.string[left.start() :].strip().splitlines()[0][:80]
         raise JoinError(f"{name}: this import or export has another form than is known: {line}")
-    if _LONG_TEXT.search(text):
+    if any(line.count("`") % 2 for line in text.split("\n")):
         raise JoinError(f"{name}: holds a text of several lines, which cannot be shortened")
-    if _MARKUP.search(text):
+    if "<!--" in text or "</script" in text.lower():
         raise JoinError(f"{name}: holds text that would end the script in a page")
 
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from itertools import accumulate
-from operator import sub
+from operator import add, sub
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.printable import clip
@@ -39,12 +39,13 @@ _HEAD = 4_000  # bytes of a report in which it says what it is
 _MOST_LISTED = 100
 _MOST_PLANS = 50
 _QUOTED = r'"(?:[^"\\\n]|\\.)*"'
-_TEXT = re.compile(f"({_QUOTED})")
-_PLAIN_LINE = re.compile(rf"^(?:[^\"'`/\n]|{_QUOTED})+$", re.M)
-_REMARK = re.compile(rf"^((?:[^\"'`/\n]|{_QUOTED})+?) +// .*$", re.M)
-_SPACED = re.compile(r" *([=<>,;:?&|*(){}\[\]]+) *")
-_SIGNED = re.compile(r"(?<![+-]) ([+-]) (?![+-])")  # a + +b stays as it is
-_OPEN_LINE = re.compile(r"^((?:(?!//).)*[{,])\n", re.M)
+_BARE = r"[^\"'`/\n]*"
+_KEPT = re.compile(rf"(^(?!{_BARE}(?:{_QUOTED}{_BARE})*$).+$|{_QUOTED})", re.M)
+_GAP = "\0"
+_REMARK = re.compile(rf"^((?:[^\"'`/\n]|{_QUOTED})+?) +// .*$")
+_SIGN = r"[=<>,;:?&|*(){}\[\]]"
+_SPACES = re.compile(rf" (?:(?<={_SIGN} ) *| *(?={_SIGN}))")
+_SIGNED = re.compile(r" (?<![+-] )([+-]) (?![+-])")  # a + +b stays as it is
 _UNSAFE = re.compile("[<>&\u2028\u2029\ud800-\udfff]")
 
 
@@ -140,16 +141,14 @@ def _short_script(text: str) -> str:
     >>> _short_script('if (a === b) { return [c, d + 1]; } // why\nlet e = "a = b";\n')
     'if(a===b){return[c,d+1];}\nlet e="a = b";\n'
     """
-    short = _PLAIN_LINE.sub(lambda line: _short_line(line[0]), _REMARK.sub(r"\1", text))
-    return _OPEN_LINE.sub(r"\1", short)
-
-
-def _short_line(line: str) -> str:
-    parts = _TEXT.split(line)
-    return "".join(
-        part if place % 2 else _SIGNED.sub(r"\1", _SPACED.sub(r"\1", part))
-        for place, part in enumerate(parts)
-    )
+    lines = [_REMARK.sub(r"\1", line) if "//" in line else line for line in text.split("\n")]
+    parts = _KEPT.split("\n".join(lines))
+    # All that is not kept at once: a call for each part would take several times as long.
+    short = _SIGNED.sub(r"\1", _SPACES.sub("", _GAP.join(parts[::2])))
+    parts[::2] = short.split(_GAP)
+    lines = "".join(parts).split("\n")
+    ends = ("" if line.endswith(("{", ",")) and "//" not in line else "\n" for line in lines)
+    return "".join(map(add, lines, ends)).removesuffix("\n")
 
 
 def _hash(text: str) -> str:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from gpsfsm.compile import Compiled
+    from gpsfsm.execution.records import RunValue
     from gpsfsm.model.finding import Finding, Scenario
     from gpsfsm.model.story import Sentence
 
@@ -39,13 +40,15 @@ MOST_RECORDS = 20_000
 MOST_NODES = 30_000
 """Nodes of all automata that are run for a document, each time anew: some half a second."""
 _SECOND_US = 1_000_000
-_SHOWN = frozenset(
-    {
+_SHOWN = {
+    kind: kind.value
+    for kind in (
         *(Kind.TRIGGERED, Kind.STARTED, Kind.SUCCEEDED, Kind.FAILED, Kind.TIMEOUT),
         *(Kind.JOINED, Kind.STOPPING, Kind.STOPPED, Kind.SILENCE, Kind.NOT_LOADED, Kind.ENDED),
-    }
-)
+    )
+}
 """Loading takes no time here, so it is not shown."""
+_EVENTS = {Kind(event.value): event for event in Event}
 _ANSWERS = {Outcome.SUCCEEDED: Kind.SUCCEEDED, Outcome.FAILED: Kind.FAILED}
 
 
@@ -275,11 +278,20 @@ def play(compiled: Compiled, wanted: Wanted) -> Played:
     return _Player(compiled, wanted).run()
 
 
+class _Course(Kernel):
+    """A run without what no play shows: values of parameters, and when runners are unloaded."""
+
+    _prunes = False
+
+    def _parameters(self, number: int) -> dict[str, RunValue]:  # noqa: ARG002
+        return {}
+
+
 class _Player:
     def __init__(self, compiled: Compiled, wanted: Wanted) -> None:
         self._compiled = compiled
         self._wanted = wanted
-        self._kernel = Kernel(compiled, apart=wanted.no_start)
+        self._kernel = _Course(compiled, apart=wanted.no_start)
         self._at_us = 0
         self._unstarted: dict[int, None] = {}  # instances that will fail without having started
         self._played = Played([], {}, Status.QUEUED)
@@ -375,17 +387,19 @@ class _Player:
             return
         if record.kind is Kind.NOT_LOADED:
             row["node"] = self._kernel.automaton.runner_node(record.runner)
-        if record.kind.value in Event.__members__ and record.node > 0:
-            event = Event(record.kind.value), self._kernel.automaton.runner_number(record.node)
-            self._played.places.setdefault(event, len(self._played.records))
+        event = _EVENTS.get(record.kind)
+        if event is not None and record.node > 0:
+            happened = event, self._kernel.automaton.runner_number(record.node)
+            self._played.places.setdefault(happened, len(self._played.records))
         self._played.records.append(row)
 
 
 def _row(record: Record, at_us: int) -> dict[str, Any] | None:
     """A record as the view document has it; None for one that is not shown."""
-    if record.kind not in _SHOWN:
+    kind = _SHOWN.get(record.kind)
+    if kind is None:
         return None
-    row: dict[str, Any] = {"kind": record.kind.value, "at_us": at_us, "node": record.node}
+    row: dict[str, Any] = {"kind": kind, "at_us": at_us, "node": record.node}
     if record.kind is Kind.ENDED and record.data:
         row["data"] = dict(record.data)
     if record.message:
