@@ -56,6 +56,7 @@ class Box(NamedTuple):
         return self.x + self.width / 2, self.y + self.height / 2
 
 
+@lru_cache(maxsize=4096)
 def text_width(text: str) -> float:
     """About how wide a text is in 12 px; fonts differ, so that this is rather too much."""
     return sum(map(_width, text))

@@ -25,6 +25,7 @@ from itertools import accumulate
 from operator import add, sub
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.late import collecting_rarely
 from gpsfsm.model.printable import clip
 from gpsfsm.version import VERSION
 from gpsfsm.viewing.js_bundle import joined
@@ -49,6 +50,7 @@ _SIGNED = re.compile(r" (?<![+-] )([+-]) (?![+-])")  # a + +b stays as it is
 _UNSAFE = re.compile("[<>&\u2028\u2029\ud800-\udfff]")
 
 
+@collecting_rarely()
 def page(document: Mapping[str, Any]) -> str:
     """The report of a view document; the same bytes for the same document."""
     parts = _parts()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -12,6 +13,7 @@ from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
+from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Status
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.story import Statement
@@ -29,8 +31,6 @@ from tests.viewing.support import holds, kinds, only
 
 if TYPE_CHECKING:
     from collections.abc import Collection
-
-    import pytest
 
     from gpsfsm.compile import Compiled
     from gpsfsm.model.finding import Finding, Scenario
@@ -57,6 +57,32 @@ def test_a_play_is_the_run_that_the_finding_tells_of(
             on_paper = parse(text).plan
             assert on_paper is not None
             _comes_too_late(compile_plan(on_paper), finding.scenario)
+
+
+@given(plans(max_runners=8), st.data())
+def test_a_play_is_the_run_of_the_whole_kernel(whole: P, data: st.DataObject) -> None:
+    """The kernel of plays leaves values and unloading out; the rest is that of a real run."""
+    compiled = _compiled(to_xml(whole))
+    number = len(compiled.automaton.runners)
+    numbers = st.integers(0, max(number - 1, 0))
+    outcomes = data.draw(st.dictionaries(numbers, st.sampled_from(Outcome)))
+    played = play(compiled, Wanted(outcomes))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plays, "_Course", Kernel)
+        assert play(compiled, Wanted(outcomes)) == played
+
+
+def test_no_play_works_out_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No page shows them, and they took most of the time of a play of 1,000 runners."""
+    text = (REPO / "corpus" / "plans" / "tour_guide.xml").read_text(encoding="utf-8")
+    monkeypatch.setattr("gpsfsm.execution.kernel.parameters", lambda *_: 1 / 0)
+    assert play(_compiled(text), Wanted({})).status is Status.COMPLETED
+
+
+def _compiled(text: str) -> Compiled:
+    found = parse(text).plan
+    assert found is not None
+    return compile_plan(found)
 
 
 def _comes_too_late(compiled: Compiled, scenario: Scenario) -> None:
