@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from itertools import accumulate
-from operator import add, sub
+from operator import sub
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.late import collecting_rarely
@@ -39,7 +39,9 @@ _GENERATOR = '<meta name="generator" content="gpsfsm'
 _HEAD = 4_000  # bytes of a report in which it says what it is
 _MOST_LISTED = 100
 _MOST_PLANS = 50
-_QUOTED = r'"(?:[^"\\\n]|\\.)*"'
+_QUOTED = (
+    r'(?:"(?:[^"\\\n]|\\.)*"|`(?:[^`\\$\n]|\\.|\$(?!\{)|\$\{[^`{}\n]*\})*`)'  # none in another
+)
 _BARE = r"[^\"'`/\n]*"
 _KEPT = re.compile(rf"(^(?!{_BARE}(?:{_QUOTED}{_BARE})*$).+$|{_QUOTED})", re.M)
 _GAP = "\0"
@@ -138,19 +140,28 @@ def _short_style(text: str) -> str:
 def _short_script(text: str) -> str:
     r"""A script without remarks, and without spaces around its signs but in texts and patterns.
 
-    What follows a line that ends open stands on that line.
+    What follows an open line, a statement or a block stands on the same line, as does what closes.
 
     >>> _short_script('if (a === b) { return [c, d + 1]; } // why\nlet e = "a = b";\n')
-    'if(a===b){return[c,d+1];}\nlet e="a = b";\n'
+    'if(a===b){return[c,d+1];}let e="a = b";'
     """
-    lines = [_REMARK.sub(r"\1", line) if "//" in line else line for line in text.split("\n")]
+    whole = [line for line in text.split("\n") if not line.startswith("// ")]
+    lines = [_REMARK.sub(r"\1", line) if "//" in line else line for line in whole]
     parts = _KEPT.split("\n".join(lines))
     # All that is not kept at once: a call for each part would take several times as long.
     short = _SIGNED.sub(r"\1", _SPACES.sub("", _GAP.join(parts[::2])))
     parts[::2] = short.split(_GAP)
-    lines = "".join(parts).split("\n")
-    ends = ("" if line.endswith(("{", ",")) and "//" not in line else "\n" for line in lines)
-    return "".join(map(add, lines, ends)).removesuffix("\n")
+    lines = [line for line in "".join(parts).split("\n") if line]
+    return "".join(map(_with_end, lines, [*lines[1:], ""])).removesuffix("\n")
+
+
+def _with_end(line: str, following: str) -> str:
+    """A line with as much of its end as it needs."""
+    if "//" in line:
+        return f"{line}\n"
+    if following.startswith((")", "]", "}")):
+        return line[:-1] if line.endswith((";", ",")) else line
+    return line if line.endswith(("{", "}", "(", "[", ",", ";")) else f"{line}\n"
 
 
 def _hash(text: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 import shutil
+import subprocess
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -274,3 +275,37 @@ def test_connections_that_stop_are_laid_out_unless_they_would_hide_all_others() 
                 box = picture["items"][item]["box"]
                 assert box["x"] - NEAR <= x <= box["x"] + box["width"] + NEAR
                 assert box["y"] - NEAR <= y <= box["y"] + box["height"] + NEAR
+
+
+def test_a_caption_stands_beside_the_line_on_which_its_control_is_entered() -> None:
+    asked = [
+        ("parallel_all “look” (line 5)", 500, 100),
+        ("sequential “visit” (line 2)", 160, 80),
+        ("sequential “visit” (line 2)", 60, 40),
+        ("recovery (line 3)", 160, 80),
+        ("sequential “visit” (line 2)", 500, 400),
+    ]
+    script = """const { captionOf } = await import(process.argv[1]);
+const groups = JSON.parse(process.argv[2]);
+console.log(JSON.stringify(groups.map(([label, width, spine]) =>
+  captionOf({ label, spine, box: { x: 0, y: 0, width, height: 90 } }))));"""
+    done = subprocess.run(
+        [
+            "node",
+            "--input-type=module",
+            "-e",
+            script,
+            (WEB / "paint.js").as_uri(),
+            json.dumps(asked),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert json.loads(done.stdout) == [
+        ["parallel_all “look” (line 5)", 108],
+        ["→ “visit”", 88],
+        ["sequential “visit” (line 2)", 23],  # no room at all: its halo keeps it readable
+        ["recovery (line 3)", 23],
+        ["sequential “visit” (line 2)", 23],
+    ]

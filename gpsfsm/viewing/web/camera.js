@@ -2,18 +2,18 @@
 // fingers move it. What is pointed at comes from the picture itself.
 
 import { prefersLessMotion } from "./dom.js";
-import { NAMES_FROM, viewOf } from "./paint.js";
+import { isReadableFar } from "./overview.js";
+import { viewOf } from "./paint.js";
 import { emptyPicture } from "./picture.js";
 
 /** @import { Group, Item } from "./picture.js" */
 
-const FIT_PADDING = 24;
+const FIT_PADDING = 16;
 const BUTTONS = { width: 400, height: 40 }; // pixels at the top right of a pane, which pictures keep clear of
 const BUTTONS_AIR = 4; // pixels below them
 const LARGEST_FIT = 1.15;
-export const GOOD_TO_READ = 0.6;
-const FAIR_TO_READ = 0.48; // a smaller picture is not shown as a whole
-const FEW_ITEMS = 60;
+export const GOOD_TO_READ = 0.75; // letters are 9 pixels high
+const FAIR_TO_READ = 0.7; // a smaller picture is not shown as a whole
 const NUDGE_MARGIN = 50; // pixels
 const SMALLEST_TARGET = 5; // pixels
 const SMALLEST = 0.02;
@@ -60,37 +60,27 @@ export class GraphCamera {
     return viewOf(this.pan, this.zoom, this.box.clientWidth, this.box.clientHeight);
   }
 
-  // All of it if that can be read, with its end; else its beginning, but for pictures that are large anyway.
+  // All of it if that can be read, or if it is large and the names of its blocks can; else its beginning.
   openView() {
     this.fit(false);
     this.opened = true;
-    const [width, height] = [this.box.clientWidth, this.box.clientHeight];
-    const across = Math.min(0.9, (width - 2 * FIT_PADDING) / this.picture.width);
-    if (this.zoom >= FAIR_TO_READ || !height) return;
-    const least = this.zoom < NAMES_FROM ? FAIR_TO_READ : GOOD_TO_READ;
-    if (across >= least) this.openAt(across);
-    else if (this.zoom < NAMES_FROM && this.hasNoBlocks()) this.openAtFirst();
-  }
-
-  // From far away one sees the blocks of a large plan. A machine has none, and a few nodes are only small.
-  hasNoBlocks() {
-    const { groups, items } = this.picture;
-    return !groups.length || items.length < FEW_ITEMS;
-  }
-
-  // What comes first, large enough to be read.
-  openAtFirst() {
-    const [first] = this.picture.items;
-    if (!first) return;
-    const x = this.box.clientWidth / 2 - (first.box.x + first.box.width / 2) * GOOD_TO_READ;
-    this.moveTo({ zoom: GOOD_TO_READ, pan: { x, y: this.topPadding(GOOD_TO_READ) - first.box.y * GOOD_TO_READ } }, false);
-    this.fitted = false;
+    const { zoom, picture, box } = this;
+    if (zoom >= FAIR_TO_READ || isReadableFar(picture, zoom) || !box.clientHeight) return;
+    this.openAt(Math.max(GOOD_TO_READ, Math.min(0.9, (box.clientWidth - 2 * FIT_PADDING) / picture.width)));
   }
 
   // Its beginning in this size.
   openAt(zoom) {
-    const x = (this.box.clientWidth - this.picture.width * zoom) / 2;
-    this.moveTo({ zoom, pan: { x, y: this.topPadding(zoom) } }, false);
+    const { items, width, height } = this.picture;
+    const first = items.find(({ kind }) => kind === "start") || items[0];
+    if (!first) return;
+    const { clientWidth, clientHeight } = this.box;
+    const top = this.topPadding(zoom);
+    const left = (clientWidth - width * zoom) / 2;
+    const x = left > 0 ? left : Math.max(2 * left - FIT_PADDING, Math.min(FIT_PADDING, clientWidth / 2 - (first.box.x + first.box.width / 2) * zoom));
+    const isBelow = first.box.y * zoom > clientHeight / 2; // as in machines
+    const y = isBelow ? Math.max(clientHeight - FIT_PADDING - height * zoom, clientHeight / 2 - first.box.y * zoom) : top;
+    this.moveTo({ zoom, pan: { x, y } }, false);
     this.fitted = false;
   }
 

@@ -1,12 +1,15 @@
 // A text field for a plan: line numbers, marks of findings, files that are dropped.
 //
 // The text stands in a plain textarea, so that typing, undoing and reading aloud work as everywhere.
-// Numbers and marks lie beside and behind it and are drawn for the lines that can be seen.
+// Numbers and marks lie beside and behind it and are drawn for the lines that can be seen. Long lines are
+// wrapped, so that nothing has to be scrolled into view to be read; a copy that is not seen tells where they
+// stand. Texts of very many lines are not wrapped.
 
 import { el, oncePerFrame, replaceContent } from "./dom.js";
 
 const MOST_BYTES = 1 << 20; // what the service takes as a plan
 const TAB = 4;
+const MOST_WRAPPED = { lines: 3000, letters: 400_000 };
 const SEVERITY_LETTER = { error: "E", warning: "W", info: "I" };
 const RANK = { error: 0, warning: 1, info: 2 };
 
@@ -44,18 +47,21 @@ export function createEditor(container, hooks) {
   const marksLayer = el("div", { class: "editor-marks", "aria-hidden": "true" });
   const area = el("textarea", {
     class: "editor-text",
-    wrap: "off",
+    wrap: "soft",
     spellcheck: "false",
     autocapitalize: "off",
     autocomplete: "off",
     "aria-label": "Text of the plan",
     placeholder: "Type or paste a plan,\nor drop a file here.",
   });
-  const body = el("div", { class: "editor-body" }, gutter, el("div", { class: "editor-sheet" }, marksLayer, area));
+  const copy = el("div", { class: "editor-copy", "aria-hidden": "true" });
+  const body = el("div", { class: "editor-body" }, gutter, el("div", { class: "editor-sheet" }, copy, marksLayer, area));
   container.append(body);
   /** @type {{line: number, column: number, length: number, severity: string, rule: string, message: string}[]} */
   const marks = [];
-  const shared = { starts: [0], marks, line: 0, shown: 0, character: 8, height: 20, top: 0, left: 0 };
+  /** @type {string[]} */
+  const copied = []; // the lines of the copy
+  const shared = { starts: [0], copied, marks, line: 0, shown: 0, character: 8, height: 20, top: 0, left: 0 };
 
   function measure() {
     const style = getComputedStyle(area);
@@ -74,21 +80,52 @@ export function createEditor(container, hooks) {
     return text.slice(shared.starts[line - 1], end);
   }
 
-  function visible() {
-    const first = Math.floor(area.scrollTop / shared.height);
-    const last = Math.ceil((area.scrollTop + area.clientHeight) / shared.height);
-    return [Math.max(1, first), Math.min(shared.starts.length, last + 1)];
+  // -- where lines stand, in pixels from the beginning of the text
+
+  const copyOf = (line) => /** @type {HTMLElement | null} */ (copy.children[line - 1] || null);
+  const topOf = (line) => copyOf(line)?.offsetTop ?? shared.top + (line - 1) * shared.height;
+  const heightOf = (line) => copyOf(line)?.offsetHeight ?? shared.height;
+
+  // Makes anew only what has changed, since one types into it.
+  function copyLines() {
+    const isWrapped = shared.starts.length <= MOST_WRAPPED.lines && area.value.length <= MOST_WRAPPED.letters;
+    area.wrap = isWrapped ? "soft" : "off";
+    const lines = isWrapped ? area.value.split("\n") : [];
+    const before = shared.copied;
+    const least = Math.min(lines.length, before.length);
+    let same = 0;
+    while (same < least && lines[same] === before[same]) same += 1;
+    let after = 0;
+    while (after < least - same && lines[lines.length - 1 - after] === before[before.length - 1 - after]) after += 1;
+    const behind = copyOf(before.length - after + 1);
+    for (let left = before.length - after - same; left > 0; left -= 1) copyOf(same + 1)?.remove();
+    const made = document.createDocumentFragment();
+    for (const text of lines.slice(same, lines.length - after)) made.append(el("div", {}, text || "\u200b"));
+    copy.insertBefore(made, behind);
+    shared.copied = lines;
   }
 
+  function lineAt(top) {
+    let [low, high] = [1, shared.starts.length];
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (topOf(middle) <= top) low = middle;
+      else high = middle - 1;
+    }
+    return low;
+  }
+
+  const visible = () => [lineAt(area.scrollTop), lineAt(area.scrollTop + area.clientHeight)];
+
   const draw = oncePerFrame(() => {
+    copy.style.width = `${area.clientWidth}px`;
     const [first, last] = visible();
     const lines = [];
     for (let line = first; line <= last; line += 1) {
-      lines.push(line);
+      lines.push(line + "\n".repeat(Math.round(heightOf(line) / shared.height)));
     }
-    numbers.textContent = lines.join("\n");
-    const top = shared.top + (first - 1) * shared.height - area.scrollTop;
-    numbers.style.transform = `translateY(${top}px)`;
+    numbers.textContent = lines.join("");
+    numbers.style.transform = `translateY(${topOf(first) - area.scrollTop}px)`;
     drawMarks(first, last);
   });
 
@@ -97,7 +134,8 @@ export function createEditor(container, hooks) {
     const pieces = [];
     const band = (line, kind) => {
       const found = el("div", { class: `editor-band ${kind}` });
-      found.style.top = `${shared.top + (line - 1) * shared.height - area.scrollTop}px`;
+      found.style.top = `${topOf(line) - area.scrollTop}px`;
+      found.style.height = `${heightOf(line)}px`;
       pieces.push(found);
     };
     if (shared.shown >= first && shared.shown <= last) band(shared.shown, "chosen");
@@ -105,29 +143,42 @@ export function createEditor(container, hooks) {
       if (mark.line < first || mark.line > last) continue;
       const before = worst.get(mark.line);
       if (!before || RANK[mark.severity] < RANK[before.severity]) worst.set(mark.line, mark);
-      pieces.push(underline(mark));
+      pieces.push(...underlines(mark));
     }
     replaceContent(marksLayer, pieces);
     replaceContent(signs, [...worst.values()].map(sign));
   }
 
-  function underline(mark) {
+  // One for each row of the screen on which something of it stands.
+  function underlines(mark) {
     const text = lineText(mark.line);
     const from = unitsOf(text, mark.column - 1);
     const to = from + unitsOf(text.slice(from), Math.max(1, mark.length || 1));
+    const copied = copyOf(mark.line)?.firstChild;
+    if (copied && from < text.length) {
+      const range = document.createRange();
+      range.setStart(copied, from);
+      range.setEnd(copied, Math.min(text.length, to));
+      const { left, top } = copy.getBoundingClientRect();
+      return [...range.getClientRects()].map((each) => underline(mark, each.left - left, each.top - top - (shared.height - each.height) / 2, each.width));
+    }
     const start = widthOf(text.slice(0, from));
     const end = Math.max(start + 1, start + widthOf(text.slice(from, to)));
+    return [underline(mark, shared.left + start * shared.character, topOf(mark.line), (end - start) * shared.character)];
+  }
+
+  function underline(mark, left, top, width) {
     const found = el("div", { class: `editor-underline ${mark.severity}` });
-    found.style.top = `${shared.top + (mark.line - 1) * shared.height - area.scrollTop}px`;
-    found.style.left = `${shared.left + start * shared.character - area.scrollLeft}px`;
-    found.style.width = `${(end - start) * shared.character}px`;
+    found.style.top = `${top - area.scrollTop}px`;
+    found.style.left = `${left - area.scrollLeft}px`;
+    found.style.width = `${width}px`;
     return found;
   }
 
   function sign(mark) {
     const words = `${mark.rule}: ${mark.message}`;
     const found = el("span", { class: `editor-sign ${mark.severity}`, title: words }, SEVERITY_LETTER[mark.severity]);
-    found.style.top = `${shared.top + (mark.line - 1) * shared.height - area.scrollTop}px`;
+    found.style.top = `${topOf(mark.line) - area.scrollTop}px`;
     return found;
   }
 
@@ -153,12 +204,13 @@ export function createEditor(container, hooks) {
 
   function changed() {
     shared.starts = lineStarts(area.value);
+    copyLines();
     body.classList.toggle("many-lines", shared.starts.length > 9999);
     draw();
   }
 
   function scrollTo(line) {
-    const top = (line - 1) * shared.height;
+    const top = topOf(line) - shared.top;
     if (top < area.scrollTop || top > area.scrollTop + area.clientHeight - 2 * shared.height) {
       area.scrollTop = Math.max(0, top - area.clientHeight / 3);
     }
@@ -203,7 +255,7 @@ export function createEditor(container, hooks) {
     draw();
   }).observe(area);
   measure();
-  draw();
+  changed();
 
   return {
     text: () => area.value,

@@ -1,7 +1,7 @@
 // The list of findings, and above it the task: filters, explanations, related places, stories and what plays them.
 
 import { clipText, counted, el, oncePerFrame, replaceContent, visibleText } from "./dom.js";
-import { drawEnd, markSentence, openPlayAt, storyItem } from "./playbar.js";
+import { drawEnd, markSentence, openPlayAt, scrollWithin, startPlay, storyItem } from "./playbar.js";
 import { findingCopies } from "./saving.js";
 import { SEVERITIES } from "./words.js";
 
@@ -9,6 +9,7 @@ const FILTERS = ["error", "warning", "info", "suppressed"];
 // More are not put into the page at once: ten thousand would make it slow.
 const SHOWN_AT_ONCE = 200;
 const PRINTED_AT_ONCE = 2000;
+const FILTERS_HEIGHT = 38; // pixels: they stay above the list
 
 // Which filter shows a finding.
 export function filterOf(finding) {
@@ -55,7 +56,11 @@ export function mountFindings(container, store, player) {
   const box = el("div", { class: "findings" }, parts.top, parts.filters, parts.list, parts.more);
   container.append(box);
   const draw = () => drawFindings(store, player, parts);
-  const mark = oncePerFrame(() => markStory(parts.list, store, player));
+  const mark = oncePerFrame(() => {
+    markStory(parts.list, store, player);
+    const now = parts.list.querySelector(".story li.current");
+    if (now) scrollWithin(box, now, FILTERS_HEIGHT);
+  });
 
   function drawPlan() {
     parts.first = 0;
@@ -240,8 +245,7 @@ function playButton(store, player, finding, number, id, isPlaying) {
       return;
     }
     if (store.state.finding !== number) store.selectFinding(number);
-    openPlayAt(store, player, finding.play, { kind: "finding", index: number });
-    player.play();
+    startPlay(store, player, finding.play, { kind: "finding", index: number });
   };
   return el(
     "button",
@@ -389,8 +393,7 @@ function placeButton(store, task) {
 function playTask(store, player, task) {
   if (!store.plan.plays[task.play]) return null;
   const start = () => {
-    openPlayAt(store, player, task.play, { kind: "task", index: 0 });
-    player.play();
+    startPlay(store, player, task.play, { kind: "task", index: 0 });
   };
   return el("button", { type: "button", class: "finding-play", onclick: start }, "▶ Play");
 }

@@ -7,7 +7,7 @@
 import { GOOD_TO_READ, GraphCamera } from "./camera.js";
 import { el, themeColor } from "./dom.js";
 import { graphLegend } from "./legend.js";
-import { blocksOf, mountMinimap } from "./overview.js";
+import { cutAt, mountMinimap } from "./overview.js";
 import { NAMES_FROM } from "./paint.js";
 import { emptyPicture, makePicture } from "./picture.js";
 import { saveButtons } from "./saving.js";
@@ -31,7 +31,7 @@ export function mountGraph(container, store) {
     setStates: (states, taken) => pane.setStates(states, taken),
     redraw: () => pane.screen.redraw(),
     picture: () => pane.picture,
-    blocks: (picture, zoom) => blocksOf(picture, zoom).blocks,
+    blocks: (picture, zoom) => cutAt(picture, zoom).blocks,
     destroy: () => pane.destroy(),
   };
 }
@@ -266,12 +266,13 @@ class GraphPane {
     if (item) this.camera.follow(item.box);
   }
 
-  // The box of what is selected: that of a control, or else of a node; null if nothing is.
+  // The box of what is selected: that of a control, or else of a node; null if nothing is. In a play it is
+  // that of the node to which something happens.
   selectedBox() {
-    const { element, node } = this.store.state;
+    const { element, node, from } = this.store.state;
     const { groups, items, itemOf } = this.picture;
     const group = element > 0 && groups.find((one) => one.element === element);
-    if (group) return group.box;
+    if (group && !(from === "player" && items[itemOf[node]])) return group.box;
     const item = items[itemOf[node]] || (element > 0 && items[[...this.itemsIn(element)][0]]);
     return item ? item.box : null;
   }
@@ -314,7 +315,7 @@ class GraphPane {
 
   follow() {
     const { element, node, from } = this.store.state;
-    if (from !== "graph" && from !== "" && element >= 0 && this.store.plan.automaton) {
+    if (from !== "graph" && from !== "" && (element >= 0 || node >= 0) && this.store.plan.automaton) {
       const item = this.picture.items[this.picture.itemOf[node]];
       if (item && item.kind === "folded" && from !== "player") {
         this.isRevealing = true; // the picture is made again, and then moved
@@ -323,6 +324,7 @@ class GraphPane {
         this.moveToSelection();
       }
     }
+    this.minimap.settle();
     this.screen.pointersChanged();
   }
 

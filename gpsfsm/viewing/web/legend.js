@@ -18,7 +18,7 @@ const EDGE_WORDS = {
 };
 const END_WORDS = { start: "the plan begins", complete: "the plan completes", give_up: "the plan gives up" };
 const RUN_STATES = ["triggered", "running", "succeeded", "failed", "timeout", "stopped", "never"];
-const SEVERITY_WORDS = { error: "an error is reported here", warning: "a warning is reported here", info: "a remark is reported here" };
+const SEVERITY_WORDS = { error: "a finding: error", warning: "a finding: warning", info: "a finding: info" };
 
 const box = { x: 14, y: 8, width: 32, height: 15 };
 const marked = { x: 24, y: 16, width: 32, height: 13 }; // the state is a sign at its corner

@@ -77,7 +77,7 @@ function labelPlacer(width, height, points, inner) {
         box.y < other.y + other.height &&
         other.y < box.y + box.height,
     );
-  return (x, y, text, gap) => {
+  const place = (x, y, text, gap) => {
     const wide = text.length * LETTER_WIDTH + 4;
     const sides = [
       { x: x + gap, y: y - 7 },
@@ -91,6 +91,7 @@ function labelPlacer(width, height, points, inner) {
     taken.push(box);
     return { x: box.x + 2, y: box.y + 11 };
   };
+  return { place, free };
 }
 
 function label(place, text, kind) {
@@ -135,9 +136,9 @@ export function createMap(container, { onElement = () => {} } = {}) {
   /**
    * @type {{scene: ReturnType<typeof createScene> | null, at: number,
    *   view: ReturnType<typeof scaleFor>, size: [number, number], named: any[], goals: any[], area: number[] | null,
-   *   zoneLabels: ({x: number, y: number} | null)[]}}   size 0: nothing is laid out yet
+   *   zoneLabels: ({x: number, y: number} | null)[], isFree: ReturnType<typeof labelPlacer>["free"]}}   size 0: nothing is laid out yet
    */
-  const shared = { scene: null, at: 0, view: scaleFor([0, 0, 1, 1], 0, 0), size: [0, 0], named: [], goals: [], area: null, zoneLabels: [] };
+  const shared = { scene: null, at: 0, view: scaleFor([0, 0, 1, 1], 0, 0), size: [0, 0], named: [], goals: [], area: null, zoneLabels: [], isFree: () => true };
 
   function layOut() {
     const { scene } = shared;
@@ -161,9 +162,11 @@ export function createMap(container, { onElement = () => {} } = {}) {
 
   function drawStill(world) {
     const { view } = shared;
-    const signs = [...world.places, ...world.things, ...shared.goals];
+    const standing = world.people.flatMap((each) => each.stays);
+    const signs = [...world.places, ...world.things, ...shared.goals, ...standing];
     const inner = { left: view.x(world.area[0]), right: view.x(world.area[2]) };
-    const place = labelPlacer(...shared.size, signs.map((each) => [view.x(each.x), view.y(each.y)]), inner);
+    const { place, free } = labelPlacer(...shared.size, signs.map((each) => [view.x(each.x), view.y(each.y)]), inner);
+    shared.isFree = free;
     shared.zoneLabels = [];
     const zones = world.zones.map((zone) => {
       const [x0, y0, x1, y1] = zone.box;
@@ -264,13 +267,17 @@ export function createMap(container, { onElement = () => {} } = {}) {
   function person(each) {
     const [x, y] = [shared.view.x(each.x), shared.view.y(each.y)];
     const body = `M${x - 7} ${y + 8}a7 7 0 0 1 14 0z`;
+    const words = visibleText(each.name);
+    const wide = words.length * LETTER_WIDTH + 4;
+    const sides = [[x - wide / 2, y + 9], [x + 9, y - 7], [x - 9 - wide, y - 7], [x - wide / 2, y - 23]];
+    const [left, top] = sides.find(([x, y]) => shared.isFree({ x, y, width: wide, height: 14 })) || sides[0];
     return svg(
       "g",
       { class: "map-person" },
       svg("title", {}, `${each.name}, ${each.looks}`),
       svg("path", { d: body }),
       svg("circle", { cx: x, cy: y - 4, r: 4.5 }),
-      svg("text", { class: "map-label person", x, y: y + 20, "text-anchor": "middle" }, each.name),
+      svg("text", { class: "map-label person", x: left + 2, y: top + 11 }, words),
     );
   }
 

@@ -3,7 +3,7 @@
 // view is drawn, and names only where they can be read.
 
 import { themeColor } from "./dom.js";
-import { EVENTS, STATES } from "./words.js";
+import { CONTROL_SIGNS, EVENTS, STATES } from "./words.js";
 
 export const FONT = "ui-sans-serif, system-ui, 'DejaVu Sans', Helvetica, Arial, sans-serif";
 const LINE = 15;
@@ -13,6 +13,7 @@ const CAPTION_INDENT = 23; // behind the sign that folds the group
 const CAPTION_AIR = 8;
 const CAPTION_LETTER = 6.3;
 export const FORMS_FROM = 0.3; // below, all of a large picture is plain boxes and lines (view.far)
+export const LARGE_FROM = 300; // items
 const STROKES = [...Object.entries(EVENTS).map(([kind, { line }]) => [kind, line]), ["FAILED", "solid"]];
 const DASHES = { solid: [], dashed: [6, 3], dotted: [2, 3], broken: [8, 2, 2, 2] };
 const HEAD = 7;
@@ -133,27 +134,36 @@ export function paintGroup(context, group, colors) {
   context.setLineDash([]);
 }
 
-// The left end of a caption: behind the line on which its group is entered where that would cross it and
-// there is room. A recovery is entered from its side.
-export function captionAt({ box: { x, width }, label, spine = -1 }) {
-  const [from, wide] = [x + CAPTION_INDENT, label.length * CAPTION_LETTER];
-  const isCrossed = !label.startsWith("recovery") && spine > from - CAPTION_AIR && spine < from + wide;
-  return isCrossed && spine + CAPTION_AIR + wide < x + width ? spine + CAPTION_AIR : from;
+// A caption and its left end: behind the line on which its group is entered where that would cross it, and
+// shorter if there is little room. A recovery is entered from its side.
+export function captionOf({ box: { x, width }, label, spine = -1 }) {
+  const from = x + CAPTION_INDENT;
+  const wide = (text) => text.length * CAPTION_LETTER;
+  if (label.startsWith("recovery") || spine <= from - CAPTION_AIR || spine >= from + wide(label)) return [label, from];
+  const named = label.replace(/ \(line \d+\)$/, "");
+  const short = [label, named, signedLabel(named)].find((text) => spine + CAPTION_AIR + wide(text) < x + width);
+  return short ? [short, spine + CAPTION_AIR] : [label, from];
+}
+
+// "∥∗ “look” (line 5)"
+export function signedLabel(label) {
+  const [word] = label.split(" ", 1);
+  return CONTROL_SIGNS[word] ? CONTROL_SIGNS[word] + label.slice(word.length) : label;
 }
 
 // Above the lines, which may cross it: a halo keeps it readable.
 export function paintCaption(context, group, colors) {
   const { x, y } = group.box;
-  const left = captionAt(group);
+  const [label, left] = captionOf(group);
   context.font = `11px ${FONT}`;
   context.textAlign = "left";
   context.lineWidth = 3;
   context.lineJoin = "round";
   context.strokeStyle = colors[group.depth % 2 ? "--graph-odd" : "--graph-even"];
-  context.strokeText(group.label, left, y + 17);
+  context.strokeText(label, left, y + 17);
   context.fillStyle = colors["--graph-soft"];
   context.fillText("⊟", x + 9, y + 17);
-  context.fillText(group.label, left, y + 17);
+  context.fillText(label, left, y + 17);
 }
 
 export function itemPath(context, item, grow) {

@@ -49,11 +49,15 @@ export function bindPlayer(store) {
   return Object.assign(player, { release: () => stops.forEach((stop) => stop()) });
 }
 
-// The node of which something was told last; the end of a run is told of none.
+const END_NODES = { COMPLETED: "complete", GAVE_UP: "give_up" };
+
+// The node of which something was told last, or at which the run has ended.
 function lastNode({ position, history }) {
   for (let place = position - 1; place >= 0; place -= 1) {
-    const { node = -1 } = history.records[place];
+    const { kind, node = -1, data } = history.records[place];
     if (node > 0) return node;
+    const end = kind === "ENDED" ? history.automaton.nodes.findIndex((one) => one.kind === END_NODES[data?.status]) : -1;
+    if (end > 0) return end;
   }
   return -1;
 }
@@ -67,6 +71,13 @@ export function openPlayAt(store, player, number, origin, line = -1) {
     player.pause();
     player.seekStory(line);
   }
+}
+
+// Plays it from its start; the keyboard is then at the button that plays and pauses.
+export function startPlay(store, player, number, origin) {
+  openPlayAt(store, player, number, origin);
+  player.play();
+  player.wantsFocus = true;
 }
 
 // mountPlayerBar(container, {player, play, story, onClose, now}) -> {element, destroy}
@@ -173,18 +184,20 @@ function drawBar(box, parts, { player, play, story, now, counts }) {
     replaceContent(parts.toggle, sign(player.playing ? "pause" : "play"));
   }
   parts.speed.value = String(player.speed);
+  if (player.wantsFocus) parts.toggle.focus({ preventScroll: true });
+  player.wantsFocus = false;
   parts.said.setAttribute("aria-live", player.playing ? "off" : "polite");
   parts.said.textContent = now();
   drawTally(parts.tally, counts ? counts() : []);
   drawStory(parts, story());
 }
 
-// "ends: gave up"
+// "✗ gave up"
 export function drawEnd(badge, ends) {
   const end = ENDS[ends];
   badge.className = `end end-${end ? end.kind : "neutral"}`;
   badge.title = end ? end.sentence : "";
-  badge.textContent = ends ? `${end ? end.sign + " " : ""}${ends}` : "";
+  badge.textContent = ends ? `${end ? end.sign + " " : ""}${ends.toLowerCase().replace("_", " ")}` : "";
 }
 
 function drawTally(paragraph, counted) {
@@ -209,7 +222,7 @@ function drawStory(parts, lines) {
   const isFirst = lines.findIndex(({ when }) => when === "current");
   lines.forEach(({ when }, number) => {
     const item = parts.list.children[number];
-    if (markSentence(item, when) && number === isFirst) scrollInList(parts.list, item);
+    if (markSentence(item, when) && number === isFirst) scrollWithin(parts.list, item);
   });
 }
 
@@ -224,11 +237,13 @@ export function markSentence(item, when) {
   return true;
 }
 
-function scrollInList(list, item) {
-  const low = item.offsetTop - list.offsetTop;
-  if (low < list.scrollTop || low + item.offsetHeight > list.scrollTop + list.clientHeight) {
-    list.scrollTop = Math.max(0, low - item.offsetHeight);
-  }
+// Scrolls a box, and not the page, so that all of what is in it can be seen, at least its beginning.
+export function scrollWithin(box, item, covered = 0) {
+  const [outer, inner] = [box.getBoundingClientRect(), item.getBoundingClientRect()];
+  const below = inner.bottom - outer.top - box.clientTop - box.clientHeight;
+  if (below > 0) box.scrollTop += below;
+  const above = outer.top + box.clientTop + covered - inner.top + Math.max(0, below);
+  if (above > 0) box.scrollTop -= above;
 }
 
 // A sentence of a story; clicking it shows the run at that place.

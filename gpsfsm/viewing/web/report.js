@@ -184,7 +184,7 @@ class ReportPage {
     this.name = el("span", { class: "plan-name" });
     this.verdict = el("span", { class: "of-plan" });
     this.facts = el("span", { class: "top-facts of-plan" });
-    const views = [["plan", "Plan"]];
+    const views = [["plan", "One plan"]];
     if (plans.length > 1) views.unshift(["summary", plans.length > 2 ? `All ${plans.length} plans` : "Both plans"]);
     if (diff) views.unshift(["compare", "Compare"]);
     this.tabs = views.map(([view, word]) =>

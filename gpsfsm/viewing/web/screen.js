@@ -3,11 +3,9 @@
 // part, so that runs of large plans can be stepped as fast as the screen is drawn.
 
 import { debounce, el, oncePerFrame } from "./dom.js";
-import { paintFar } from "./overview.js";
-import { FORMS_FROM, graphColors, paintPicture, paintPointers, paintRun } from "./paint.js";
+import { isFar, paintFar } from "./overview.js";
+import { LARGE_FROM, graphColors, paintPicture, paintPointers, paintRun } from "./paint.js";
 
-// From so many items on, the canvases are moved while the view moves, and drawn when it rests.
-const MOVED_FROM = 300;
 const REST_MS = 70;
 const REDRAW_EACH_MS = 250;
 const BEST_RATIO = 2;
@@ -77,7 +75,8 @@ export class GraphScreen {
   }
 
   viewChanged() {
-    const isLarge = this.picture && this.picture.items.length >= MOVED_FROM;
+    // Large ones are moved while the view moves, and drawn when it rests.
+    const isLarge = this.picture && this.picture.items.length >= LARGE_FROM;
     if (!isLarge || !this.drawnView || performance.now() - this.drawnAt > REDRAW_EACH_MS) {
       this.redraw();
       return;
@@ -96,7 +95,7 @@ export class GraphScreen {
       return;
     }
     const view = this.camera.viewNow();
-    view.far = view.zoom < FORMS_FROM && this.picture.items.length >= MOVED_FROM;
+    view.far = isFar(this.picture, view.zoom);
     if (this.isMoved && !this.dirty.still) {
       this.moveCanvases(view);
       return;
@@ -118,6 +117,11 @@ export class GraphScreen {
     const now = this.camera.viewNow();
     const context = this.prepared(this.layers.still, width, height, now);
     this.layers.still.style.transform = "";
+    const view = { ...now, far: isFar(this.picture, now.zoom) };
+    if (view.far) {
+      paintFar(context, this.picture, view, this.colors || graphColors());
+      return;
+    }
     const nothing = { selected: new Set(), hoveredItems: new Set(), near: new Set(), element: -1, hovered: -1 };
     this.paintAll(context, now, nothing);
   }

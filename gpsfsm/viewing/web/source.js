@@ -36,6 +36,8 @@ export function mountSource(container, store) {
       const mark = { start, end: start + Math.max(1, finding.length), severity: finding.severity };
       marks.set(finding.line, [...(marks.get(finding.line) || []), mark]);
     });
+    // What stands behind the last end of a line is a line only if something is reported there.
+    if (lines.length > 1 && !lines[lines.length - 1] && !marks.has(lines.length)) lines.pop();
     box.classList.toggle("empty", lines.length === 0);
     box.dataset.empty = "The text is not shown.";
     const digits = String(lines.length).length;

@@ -160,7 +160,12 @@ export function mountTimeline(container, { plan, history, folded, position, leng
     const words = rowWords(plan(), row);
     const track = el("div", { class: "timeline-track" });
     for (const bar of row.bars) drawBar(track, bar, scale, row);
-    const label = el("button", { type: "button", class: "timeline-label", title: words, tabindex: "-1", onclick: () => onSelect && onSelect(row.node) }, words);
+    // "14: Waypo… (x=8.0, y=1.5)": the name gives way to what tells one runner from another.
+    const end = words.search(/ [(“]/);
+    const name = el("span", { class: "timeline-name" }, end < 0 ? words : words.slice(0, end));
+    name.style.minWidth = `${Math.min(9, name.textContent.length)}ch`;
+    const detail = end < 0 ? null : el("span", { class: "timeline-detail" }, words.slice(end));
+    const label = el("button", { type: "button", class: "timeline-label", title: words, tabindex: "-1", onclick: () => onSelect && onSelect(row.node) }, name, detail);
     return el("div", { role: "listitem", "aria-label": `${words}: ${barsWords(row, scale)}` }, label, track);
   }
 
@@ -315,7 +320,7 @@ export function mountTimeline(container, { plan, history, folded, position, leng
     const { offsetWidth, clientWidth } = scroller;
     if (!clientWidth) return;
     box.style.setProperty("--timeline-side", `${offsetWidth - clientWidth + 16}px`);
-    box.style.setProperty("--timeline-label", `${Math.round(Math.max(84, Math.min(260, 0.34 * clientWidth)))}px`);
+    box.style.setProperty("--timeline-label", `${Math.round(Math.max(84, Math.min(260, 0.37 * clientWidth)))}px`);
   };
   const sized = new ResizeObserver(fit);
   sized.observe(scroller);

@@ -46,6 +46,48 @@ def test_findings_come_and_go_as_one_types(service: Service, live: Open) -> None
         page.page.locator(".finding").first.wait_for(state="detached")
 
 
+_ROWS = """() => {
+  const area = document.querySelector('.editor-text');
+  const top = (one) => Math.round(one.getBoundingClientRect().top);
+  return {
+    cut: area.scrollWidth > area.clientWidth,
+    lines: [...document.querySelectorAll('.editor-copy > div')]
+      .map((one) => [top(one), one.offsetHeight]),
+    numbers: document.querySelector('.editor-numbers').textContent.split('\\n'),
+    first: top(document.querySelector('.editor-numbers')),
+    high: area.scrollHeight - 12,
+    sign: top(document.querySelector('.editor-sign')) - 3,
+    underline: top(document.querySelector('.editor-underline')),
+  };
+}"""
+
+
+def test_long_lines_of_the_editor_are_wrapped_beside_their_numbers(
+    service: Service, live: Open
+) -> None:
+    text = plan(waypoint(1, 2), "<Runner/>", "", speech("x" * 200))
+    with live(service.address) as page:
+        page.write(text)
+        page.page.locator(".editor-sign.error").wait_for()
+        found = page.page.evaluate(_ROWS)
+        assert not found["cut"]  # x and y are in view
+        heights = [height for _, height in found["lines"]]
+        assert len(heights) == text.count("\n") + 1
+        assert heights[0] == heights[2] == heights[3] == 20
+        assert heights[1] >= 60
+        assert sum(heights) == pytest.approx(found["high"], abs=1)  # as the text itself
+        for line, (top, _) in enumerate(found["lines"], start=1):
+            if str(line) in found["numbers"]:
+                row = found["numbers"].index(str(line))
+                assert top == pytest.approx(found["first"] + 20 * row, abs=1)
+        assert found["sign"] == pytest.approx(found["lines"][2][0], abs=1)
+        assert found["underline"] == pytest.approx(found["lines"][2][0], abs=2)
+        page.editor.click()
+        page.page.keyboard.press("Control+End")
+        page.page.keyboard.type("\n<!-- one more -->")
+        assert page.page.locator(".editor-copy > div").count() == text.count("\n") + 2
+
+
 def test_only_the_last_text_counts(service: Service, live: Open) -> None:
     with live(service.address) as page:
         page.editor.click()
@@ -71,7 +113,7 @@ def test_a_finding_leads_to_its_place_and_its_scenario_is_played(
         page.page.locator(".finding-play").first.click()
         page.page.locator(".draft-player .playbar").wait_for()
         page.page.get_by_label("To the end").click()
-        page.page.locator(".play-head").filter(has_text="GAVE_UP").wait_for()
+        page.page.locator(".play-head").filter(has_text="gave up").wait_for()
 
 
 def test_what_is_chosen_in_a_pane_is_shown_in_the_others(service: Service, live: Open) -> None:

@@ -215,3 +215,92 @@ def test_small_controls_are_blocks_that_count_their_runners(report: Open) -> Non
         )
         assert len(blocks) == 75
         assert {block["runners"] for block in blocks} == {3}
+
+
+def flat() -> dict[str, Any]:
+    """Sixty small controls and what stands between them, one after the other."""
+    recovery = f'<Control type="recovery">{_RUNNER}</Control>'
+    room = '<Control type="parallel_all" name="room {}">' + 2 * _RUNNER + "</Control>"
+    rooms = (f"{room.format(n)}{recovery}{_RUNNER}{recovery}" for n in range(60))
+    return document_of(f"<Plan>{''.join(rooms)}</Plan>")
+
+
+def test_a_flat_plan_opens_at_its_beginning_and_its_overview_can_be_read(report: Open) -> None:
+    with report(flat(), size=(1280, 800)) as open_report:
+        assert view(open_report)["zoom"] >= 0.7
+        x, y = item(open_report, 0)
+        pane = open_report.page.locator(".graph").bounding_box()
+        assert pane is not None
+        assert pane["x"] < x < pane["x"] + pane["width"]
+        assert pane["y"] < y < pane["y"] + pane["height"] / 2
+        open_report.press("f")
+        open_report.page.wait_for_timeout(300)  # until it is there
+        zoom = view(open_report)["zoom"]
+        blocks = open_report.page.evaluate(f"() => {_GRAPH}.blocks({_GRAPH}.picture(), {zoom})")
+        assert 4 < len(blocks) < 60
+        boxes = [each["box"] for each in blocks]
+        large = [box for box in boxes if box["width"] * zoom > 50 and box["height"] * zoom > 32]
+        assert len(large) > 0.8 * len(blocks)  # where a column ends one may be small
+        for place, one in enumerate(boxes):
+            for other in boxes[:place]:
+                apart = (
+                    one["x"] >= other["x"] + other["width"]
+                    or other["x"] >= one["x"] + one["width"]
+                    or one["y"] >= other["y"] + other["height"]
+                    or other["y"] >= one["y"] + one["height"]
+                )
+                assert apart
+        assert "room 0" in blocks[0]["label"]
+        assert "room 1" in blocks[0]["last"]["label"]
+        assert 250 < sum(block["runners"] for block in blocks) <= 300
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1920, 1080), (390, 844)])
+def test_a_picture_opens_whole_only_if_it_can_be_read(size: tuple[int, int], report: Open) -> None:
+    with report(tour(), size=size) as open_report:
+        assert view(open_report)["zoom"] >= 0.7
+
+
+_COVERED = f"""() => {{
+  const {{ camera, picture }} = {_GRAPH};
+  const node = {_STORE}.state.node;
+  const {{ box }} = picture().items[picture().itemOf[node]];
+  const pane = document.querySelector('.graph-touch').getBoundingClientRect();
+  const left = pane.x + camera.pan.x + box.x * camera.zoom;
+  const top = pane.y + camera.pan.y + box.y * camera.zoom;
+  const [right, bottom] = [left + box.width * camera.zoom, top + box.height * camera.zoom];
+  const above = [...document.querySelectorAll('.minimap, .graph-legend, .graph-tools > *')];
+  return {{
+    outside: left < pane.left || right > pane.right || top < pane.top || bottom > pane.bottom,
+    covered: above.filter((one) => one.checkVisibility({{ visibilityProperty: true }}))
+      .map((one) => [one.className, one.getBoundingClientRect()])
+      .filter(([, each]) => left < each.right && right > each.left
+        && top < each.bottom && bottom > each.top)
+      .map(([name]) => name),
+    told: [...document.querySelectorAll('.story li.current')].map((line) => {{
+      const {{ x, bottom }} = line.getBoundingClientRect();
+      return document.elementFromPoint(x + 30, bottom - 4)?.closest('li') === line;
+    }}),
+  }};
+}}"""
+
+
+def test_what_happens_in_a_step_is_in_view_and_nothing_covers_it(report: Open) -> None:
+    with report(tour(), size=(1280, 800)) as open_report:
+        open_report.page.locator(".finding", has_text="GP303").locator(".finding-play").click()
+        open_report.page.get_by_label("To the start").click()
+        told = 0
+        steps = open_report.step()[1]
+        assert steps > 10
+        for _ in range(steps):
+            open_report.press(".")
+            open_report.page.wait_for_timeout(450)  # the view and the overview have moved
+            found = open_report.page.evaluate(_COVERED)
+            assert not found["outside"]
+            assert found["covered"] == []
+            assert all(found["told"])
+            told += len(found["told"])
+        assert told >= 10  # in the list and in the bar
+        assert "give up" in open_report.page.evaluate(
+            f"() => {_GRAPH}.picture().items[{_GRAPH}.picture().itemOf[{_STORE}.state.node]].lines"
+        )

@@ -161,6 +161,30 @@ def test_playing_goes_to_the_end_and_stops(report: Open) -> None:
         assert open_report.states() == {}
 
 
+def test_space_pauses_what_the_button_of_a_finding_plays(report: Open) -> None:
+    playing = "() => globalThis.gpsfsmPage.store.state.playing"
+    with report(document_for("give-up")) as open_report:
+        page = open_report.page
+        page.locator(".finding", has_text="GP302").locator(".finding-play").first.click()
+        page.locator(".play-button[aria-label=Pause]:focus").wait_for()
+        for is_playing in (False, True, False):
+            open_report.press(" ")
+            assert page.evaluate(playing) is is_playing
+            assert page.locator(".playbar").is_visible()
+
+
+def test_a_row_of_the_timeline_names_its_coordinates(report: Open) -> None:
+    text = (REPO / "corpus" / "plans" / "tour_guide.xml").read_text(encoding="utf-8")
+    with report(document_of(text), size=(1280, 800)) as open_report:
+        open_report.open_play("GP303")
+        page = open_report.page
+        row = page.locator(".timeline-label", has_text="(x=8.0, y=1.5)")
+        assert row.locator(".timeline-name").inner_text() == "14: WaypointRunner"
+        cut = "(one) => one.scrollWidth > one.clientWidth"
+        assert not row.locator(".timeline-detail").evaluate(cut)
+        assert row.locator(".timeline-name").evaluate(cut)  # it gives way
+
+
 def test_what_is_marked_is_what_happens_in_the_step(report: Open) -> None:
     """In a join as well: first the failure, then that the join can no longer succeed."""
     with report(document_for("join")) as open_report:
@@ -206,7 +230,7 @@ def test_two_plans_are_played_at_once(report: Open) -> None:
             open_report.press(".")
         ends = [play["ends"] for play in document["diff"]["plays"]]
         shown = open_report.texts(".compare-side-head .end")
-        assert [text.split()[-1] for text in shown] == ends
+        assert [text[2:].upper().replace(" ", "_") for text in shown] == ends
         open_report.press("Home")
         page.get_by_label("To the start").click()
         open_report.drawn()
