@@ -234,8 +234,10 @@ function shortLabel(label, letters) {
 
 // -- the overview -------------------------------------------------------------------------------
 
-const MINIMAP = { width: 180, height: 150, air: 4, away: 10, legend: 46 };
+const MINIMAP = { width: 180, height: 150, air: 4, away: 10, legend: 46, clear: 14 };
 const SETTLES_MS = 100;
+const HIDES = 1e4; // rather than cover so much
+const WEIGHTS = { running: HIDES, triggered: HIDES, waiting: HIDES, failed: HIDES, stuck: HIDES, succeeded: 9, fired: 9, stopped: 9, reached: 9 };
 const MAP_KEYS = { ArrowLeft: [-0.5, 0], ArrowRight: [0.5, 0], ArrowUp: [0, -0.5], ArrowDown: [0, 0.5] };
 
 // mountMinimap(pane) -> {element, show(picture), setRun(states), move, settle, recolor}; pane: {camera, box, selectedBox()}
@@ -312,20 +314,22 @@ export function mountMinimap(pane) {
     const [width, height] = [canvas.offsetWidth, canvas.offsetHeight];
     const [x, y] = [atLeft ? MINIMAP.away : clientWidth - MINIMAP.away - width, clientHeight - height - (atLeft ? MINIMAP.legend : MINIMAP.away)];
     const room = { left: (x - pan.x) / zoom, top: (y - pan.y) / zoom, right: (x + width - pan.x) / zoom, bottom: (y + height - pan.y) / zoom };
+    const away = MINIMAP.clear / zoom; // what is selected has brackets around it
+    const wide = { left: room.left - away, top: room.top - away, right: room.right + away, bottom: room.bottom + away };
     const selected = pane.selectedBox();
-    const runs = (item) => shared.states.has(item) && shared.states.get(item).state !== "never";
+    const weigh = (item) => WEIGHTS[shared.states.get(item)?.state] ?? 1;
     return shared.picture.items.reduce(
-      (sum, { box }, item) => sum + (inView(box, room) ? (runs(item) ? 9 : 1) : 0), selected && inView(selected, room) ? 1e6 : 0,
+      (sum, { box }, item) => sum + (inView(box, room) ? weigh(item) : 0), selected && inView(selected, wide) ? HIDES : 0,
     );
   }
 
-  // It stands where it covers less, and goes where it would cover what is selected.
+  // It stands where it covers less, and hides where it would cover what happens or what is selected.
   const settle = debounce(() => {
     if (element.hidden || shared.dragging || document.activeElement === element) return;
     const isLeft = element.classList.contains("at-left");
     const [here, there] = [covered(isLeft), covered(!isLeft)];
     if (there < here) element.classList.toggle("at-left");
-    element.classList.toggle("covers", Math.min(here, there) >= 1e6);
+    element.classList.toggle("covers", Math.min(here, there) >= HIDES);
   }, SETTLES_MS);
 
   function goTo(event) {

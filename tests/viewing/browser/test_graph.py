@@ -240,7 +240,7 @@ def test_a_flat_plan_opens_at_its_beginning_and_its_overview_can_be_read(report:
         assert 4 < len(blocks) < 60
         boxes = [each["box"] for each in blocks]
         large = [box for box in boxes if box["width"] * zoom > 50 and box["height"] * zoom > 32]
-        assert len(large) > 0.8 * len(blocks)  # where a column ends one may be small
+        assert len(large) >= 0.8 * len(blocks)  # where a column ends one may be small
         for place, one in enumerate(boxes):
             for other in boxes[:place]:
                 apart = (
