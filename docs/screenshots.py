@@ -210,7 +210,7 @@ PICTURES = (
     Picture(
         "live-draft.png",
         "The live page: a plan is written; its finding is selected",
-        "editor, findings, automaton and map fit beside each other",
+        "editor, findings, automaton and map fit beside each other; x and y are seen in the editor",
         prepare=draft,
     ),
     Picture(

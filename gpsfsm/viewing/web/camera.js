@@ -78,7 +78,8 @@ export class GraphCamera {
     const top = this.topPadding(zoom);
     const left = (clientWidth - width * zoom) / 2;
     const x = left > 0 ? left : Math.max(2 * left - FIT_PADDING, Math.min(FIT_PADDING, clientWidth / 2 - (first.box.x + first.box.width / 2) * zoom));
-    const isBelow = first.box.y * zoom > clientHeight / 2; // as in machines
+    // As in machines.
+    const isBelow = first.box.y * zoom > clientHeight / 2;
     const y = isBelow ? Math.max(clientHeight - FIT_PADDING - height * zoom, clientHeight / 2 - first.box.y * zoom) : top;
     this.moveTo({ zoom, pan: { x, y } }, false);
     this.fitted = false;
@@ -150,7 +151,8 @@ export class GraphCamera {
       return low < from ? from + margin - low : to - margin - high;
     };
     const across = shift(box.x, box.x + box.width, view.left, view.right);
-    const edge = BUTTONS.height / view.zoom; // above are buttons, below is the legend
+    // Above are buttons, below is the legend.
+    const edge = BUTTONS.height / view.zoom;
     const along = shift(box.y, box.y + box.height, view.top + edge, view.bottom - edge);
     if (!across && !along) return;
     this.release();

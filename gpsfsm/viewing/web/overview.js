@@ -314,7 +314,8 @@ export function mountMinimap(pane) {
     const [width, height] = [canvas.offsetWidth, canvas.offsetHeight];
     const [x, y] = [atLeft ? MINIMAP.away : clientWidth - MINIMAP.away - width, clientHeight - height - (atLeft ? MINIMAP.legend : MINIMAP.away)];
     const room = { left: (x - pan.x) / zoom, top: (y - pan.y) / zoom, right: (x + width - pan.x) / zoom, bottom: (y + height - pan.y) / zoom };
-    const away = MINIMAP.clear / zoom; // what is selected has brackets around it
+    // What is selected has brackets around it.
+    const away = MINIMAP.clear / zoom;
     const wide = { left: room.left - away, top: room.top - away, right: room.right + away, bottom: room.bottom + away };
     const selected = pane.selectedBox();
     const weigh = (item) => WEIGHTS[shared.states.get(item)?.state] ?? 1;

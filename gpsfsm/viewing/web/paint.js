@@ -233,7 +233,8 @@ function paintLines(context, item, colors) {
   item.lines.forEach((line, number) => {
     context.font = isJoin ? `10px ${FONT}` : `${number ? "" : "600 "}12px ${FONT}`;
     context.fillStyle = colors[number || item.unreachable ? "--graph-soft" : "--graph-text"];
-    context.fillText(line, x + width / 2, first + number * step, width - 10); // fonts differ: narrower where it is too wide
+    // Fonts differ: narrower where it is too wide.
+    context.fillText(line, x + width / 2, first + number * step, width - 10);
   });
 }
 

@@ -92,7 +92,8 @@ function sayCount(item, automaton) {
 
 function nodeItem(node, number, box) {
   const isJoin = node.kind === "join";
-  const room = isJoin ? Math.max(6, Math.floor(box.width / JOIN_LETTER)) : Infinity; // others fit their boxes
+  // Others fit their boxes.
+  const room = isJoin ? Math.max(6, Math.floor(box.width / JOIN_LETTER)) : Infinity;
   const lines = isJoin ? joinLines(node) : node.label;
   return {
     kind: node.kind, node: number, need: node.need, inputs: node.inputs, group: -1, element: node.element, box, inside: [],

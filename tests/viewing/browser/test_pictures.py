@@ -221,8 +221,7 @@ STRUCTURES = {
       - paragraph: /the plan gives up/
     - region "guarded.xml":
       - button "guarded.xml"
-      - application "Automaton":
-        - group /Overview/
+      - application "Automaton"
       - group:
         - text: /the plan completes/
         - list "Who is active when"
