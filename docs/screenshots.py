@@ -119,6 +119,7 @@ def run(page: Page) -> None:
     """Run a plan in the world of a home, and pause it while the robot speaks."""
     page.get_by_role("textbox", name="Text of the plan").fill(GREETING)
     page.locator(".draft-status.good").wait_for()
+    page.keyboard.press("Control+Home")
     page.get_by_label("Speed of the run").select_option("1")
     page.get_by_role("button", name="Run", exact=True).click()
     page.locator(".map-bubble").first.wait_for(timeout=WAIT_MS)
