@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.browser_support import shown_text
+from tests.conftest import REPO
 from tests.service.browser.live import plan, speech, waypoint
 from tests.service.support import Service
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from tests.service.browser.conftest import Open
 
@@ -169,3 +171,31 @@ def test_it_says_what_this_service_does_not_do(service: Service, live: Open) -> 
         page.page.reload()
         page.page.locator(".draft-status.good").wait_for()
         assert page.editor.input_value() == GOOD  # nothing that was written is lost
+
+
+_OVERLAPS = """() => {
+  const labels = [...document.querySelectorAll('.map-label')];
+  const figures = [...document.querySelectorAll('.map-person circle')];
+  const boxes = [...labels, ...figures]
+    .map((one) => [one.textContent, one.getBoundingClientRect()]);
+  return boxes.flatMap(([name, one], place) => boxes.slice(0, place)
+    .filter(([, other]) => one.left < other.right - 1 && other.left < one.right - 1
+      && one.top < other.bottom - 3 && other.top < one.bottom - 3)
+    .map(([other]) => `${other} / ${name}`));
+}"""
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+def test_no_label_of_the_map_covers_another(
+    size: tuple[int, int], live: Open, tmp_path: Path
+) -> None:
+    world = str(REPO / "corpus" / "worlds" / "home.yaml")
+    journal = str(tmp_path / "queue.db")
+    with (
+        Service("--workers", "1", "--journal", journal, "--world", world) as service,
+        live(service.address, size=size) as page,
+    ):
+        page.page.get_by_label("World", exact=True).select_option("home")
+        page.page.locator(".map-person").first.wait_for()
+        assert page.page.locator(".map-label").count() > 5
+        assert page.page.evaluate(_OVERLAPS) == []
