@@ -65,8 +65,8 @@ _KEPT: WeakKeyDictionary[Browser, Page] = WeakKeyDictionary()
 def launched() -> Iterator[Browser]:
     """A browser; the tests that ask for one are skipped where there is none.
 
-    Use it in a fixture of the scope ``package``: while it is there, no test may call
-    ``asyncio.run``, because Playwright's own loop is running.
+    Use it in a fixture of the scope ``package`` (in conftest.py) or ``module``: while it is there,
+    no test may call ``asyncio.run``, because Playwright's own loop is running.
     """
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     path = os.environ.get("GPSFSM_CHROMIUM") or shutil.which("chromium")

@@ -26,7 +26,7 @@ _NO_VERSIONS = (r"versions\.json", "ERR_FAILED")
 """A site on disk has no list of versions; the theme looks for one all the same."""
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     with launched() as found:
         yield found

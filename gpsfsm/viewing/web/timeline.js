@@ -160,11 +160,11 @@ export function mountTimeline(container, { plan, history, folded, position, leng
     const words = rowWords(plan(), row);
     const track = el("div", { class: "timeline-track" });
     for (const bar of row.bars) drawBar(track, bar, scale, row);
-    // "14: Waypo… (x=8.0, y=1.5)": the name gives way to what tells one runner from another.
+    // "14: Waypo… (x=8.0, y=1.5)": the name gives way to what tells one runner from another, if that is short.
     const end = words.search(/ [(“]/);
     const name = el("span", { class: "timeline-name" }, end < 0 ? words : words.slice(0, end));
-    name.style.minWidth = `${Math.min(9, name.textContent.length)}ch`;
     const detail = end < 0 ? null : el("span", { class: "timeline-detail" }, words.slice(end));
+    name.style.minWidth = `${Math.min(words.length > end + 24 ? 17 : 9, name.textContent.length)}ch`;
     const label = el("button", { type: "button", class: "timeline-label", title: words, tabindex: "-1", onclick: () => onSelect && onSelect(row.node) }, name, detail);
     return el("div", { role: "listitem", "aria-label": `${words}: ${barsWords(row, scale)}` }, label, track);
   }
