@@ -164,8 +164,9 @@ export function mountTimeline(container, { plan, history, folded, position, leng
     const end = words.search(/ [(“]/);
     const name = el("span", { class: "timeline-name" }, end < 0 ? words : words.slice(0, end));
     const detail = end < 0 ? null : el("span", { class: "timeline-detail" }, words.slice(end));
-    name.style.minWidth = `${Math.min(words.length > end + 24 ? 17 : 9, name.textContent.length)}ch`;
-    const label = el("button", { type: "button", class: "timeline-label", title: words, tabindex: "-1", onclick: () => onSelect && onSelect(row.node) }, name, detail);
+    name.style.minWidth = `${Math.min(9, name.textContent.length)}ch`;
+    const kind = words.length > end + 24 ? "timeline-label long" : "timeline-label";
+    const label = el("button", { type: "button", class: kind, title: words, tabindex: "-1", onclick: () => onSelect && onSelect(row.node) }, name, detail);
     return el("div", { role: "listitem", "aria-label": `${words}: ${barsWords(row, scale)}` }, label, track);
   }
 
