@@ -283,7 +283,7 @@ class _Course(Kernel):
 
     _prunes = False
 
-    def _parameters(self, number: int) -> dict[str, RunValue]:  # noqa: ARG002
+    def _parameters(self, _number: int) -> dict[str, RunValue]:
         return {}
 
 
