@@ -31,7 +31,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--only", action="append", metavar="NAME", help="this comparison; again")
     parser.add_argument("--without", action="append", metavar="NAME", default=[], help="not this")
     parser.add_argument("--cases", type=int, help="of each; without it, those of a long campaign")
-    parser.add_argument("--seconds", type=float, help="stop after this time")
+    parser.add_argument("--seconds", type=float, help="stop after this time, and a batch of each")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1, help="processes at once")
     parser.add_argument("--batch", type=int, help="play this batch alone, to see a failure again")

@@ -25,7 +25,8 @@ __all__ = ["Goal", "campaign", "reproducer"]
 class Goal:
     """When to stop: at ``cases`` of a comparison, after ``seconds``, whatever comes first.
 
-    ``cases`` None: the number that the comparison has for a long campaign.
+    ``cases`` None: the number that the comparison has for a long campaign. However short the time
+    is, there is a batch for each comparison: none passes without having been made.
     """
 
     cases: int | None = None
@@ -46,7 +47,7 @@ def campaign(
     """Play batches until every goal is reached or one disagrees, and count them."""
     until_s = None if goal.seconds is None else time.monotonic() + goal.seconds
     batches = _batches(pairs, counts, goal)
-    for done in _played(batches, jobs, until_s):
+    for done in _played(batches, jobs, until_s, least=len(pairs)):
         counts.tally(done.pair).add(done)
         tell(done)
         yield done
@@ -77,16 +78,17 @@ def _batches(
 
 
 def _played(
-    batches: Iterator[tuple[str, int, int, int]], jobs: int, until_s: float | None
+    batches: Iterator[tuple[str, int, int, int]], jobs: int, until_s: float | None, least: int
 ) -> Iterator[Batch]:
+    begun = 0
+
     def in_time() -> bool:
-        return until_s is None or time.monotonic() < until_s
+        return until_s is None or begun < least or time.monotonic() < until_s
 
     if jobs == 1:
-        for each in batches:
+        while in_time() and (each := next(batches, None)) is not None:
+            begun += 1
             yield play(*each)
-            if not in_time():
-                return
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, mp_context=context) as pool:
@@ -95,6 +97,7 @@ def _played(
             while len(running) < jobs and in_time():
                 with suppress(StopIteration):
                     running.add(pool.submit(play, *next(batches)))
+                    begun += 1
                     continue
                 break
             if not running:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -93,6 +94,19 @@ def test_batches_are_drawn_from_their_own_seeds() -> None:
     assert same[0] == same[1]
     seeds = {seed_of(name, seed, n) for name in "ab" for seed in (1, 2) for n in range(5)}
     assert len(seeds) == 20
+
+
+def test_each_has_a_batch_however_short_the_time_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last four attacks of a minute passed on a slow machine, without a case."""
+    of = {name: replace(SUMS, name=name, cases=lambda: st.integers(0, 9)) for name in "abc"}
+    for module in (batches, command):
+        monkeypatch.setattr(module, "all_pairs", lambda: of)
+    file = tmp_path / "counts.json"
+    assert command.main(["--seconds", "0", "--counts", str(file)]) == 0
+    counts = json.loads(file.read_text())["of"]
+    assert {name: counts[name]["batches"] for name in counts} == {"a": 1, "b": 1, "c": 1}
 
 
 def test_counts_go_on_where_they_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
