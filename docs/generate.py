@@ -23,7 +23,7 @@ import click
 import gpsfsm
 from gpsfsm.analysis.rules import all_rules
 from gpsfsm.capabilities.library import builtin_capabilities
-from gpsfsm.cli import _GROUP
+from gpsfsm.cli import group
 from gpsfsm.cli._help import DOCUMENTATION
 from gpsfsm.grammars import DEPTH, alphabet, find_format, format_names
 from gpsfsm.report._rule_docs import rule_markdown, rules_index_markdown
@@ -188,7 +188,7 @@ def grammars() -> dict[str, str]:
 
 def commands(context: click.Context | None = None) -> Iterator[click.Context]:
     """The contexts of all commands, each before those that it has."""
-    context = context or click.Context(_GROUP, info_name="gpsfsm", **_GROUP.context_settings)
+    context = context or click.Context(group, info_name="gpsfsm", **group.context_settings)
     context.meta["--help-all"] = True
     context.max_content_width = 80
     yield context

@@ -84,8 +84,8 @@ def require_flag(function: str, name: str, value: object) -> None:
 
 def require_whole(function: str, name: str, value: object, *, least: int | None = None) -> None:
     """Raise UsageError for what is no whole number, or a smaller one than ``least``."""
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    if not whole or (least is not None and value < least):  # type: ignore[operator]
+    whole = value if isinstance(value, int) and not isinstance(value, bool) else None
+    if whole is None or (least is not None and whole < least):
         kind = "a whole number" if least is None else f"a whole number of at least {least}"
         raise misused(function, f"{kind} as {name}", value)
 

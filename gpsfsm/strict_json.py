@@ -51,5 +51,8 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(made) == len(pairs):
         return made
     seen: set[str] = set()
-    twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-    raise DuplicateKeyError(f"the key {twice[:_LONGEST]!a} occurs twice")
+    for key, _ in pairs:
+        if key in seen:
+            raise DuplicateKeyError(f"the key {key[:_LONGEST]!a} occurs twice")
+        seen.add(key)
+    return made

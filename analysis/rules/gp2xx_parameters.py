@@ -369,7 +369,7 @@ def inside(point: tuple[float, float], corners: Sequence[tuple[float, float]]) -
 def _outside(attribute: Attribute, parameter: Parameter) -> str:
     """The bounds, if the value is a number outside of them."""
     value, least, greatest = attribute.value, parameter.minimum, parameter.maximum
-    if isinstance(value, bool | str) or value != value:  # noqa: PLR0124  (a nan)
+    if isinstance(value, bool | str) or (isinstance(value, float) and math.isnan(value)):
         return ""
     low, high = least is not None and value < least, greatest is not None and value > greatest
     return _span(least, greatest) if low or high else ""

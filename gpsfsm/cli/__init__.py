@@ -1,4 +1,4 @@
-"""The command line: one module per command, which defines ``COMMAND``; ``_`` marks helpers.
+"""The command line: one module per command, which defines ``command``; ``_`` marks helpers.
 
 A command is found by the name of its module, so a new command is one new file. Commands import
 what they need when they run: ``gpsfsm --help`` loads no solver and no parser.
@@ -87,7 +87,7 @@ def ros_sections(arguments: Sequence[str]) -> list[str]:
 def _main(arguments: Sequence[str] | None) -> int:
     try:
         words = ros_sections(sys.argv[1:] if arguments is None else arguments)
-        code = _GROUP.main(words, prog_name="gpsfsm", standalone_mode=False)
+        code = group.main(words, prog_name="gpsfsm", standalone_mode=False)
     except click.ClickException as error:
         message = error.format_message()
         if isinstance(error, click.MissingParameter):  # click lists choices on lines of their own
@@ -151,7 +151,7 @@ class Commands(click.Group):
                 (each for each in commands if cmd_name in getattr(each, "aliases", ())), None
             )
         module = importlib.import_module(f"{_PACKAGE}.{cmd_name.replace('-', '_')}")
-        command = getattr(module, "COMMAND", None)
+        command = getattr(module, "command", None)
         return command if isinstance(command, click.Command) else None
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -233,7 +233,7 @@ def _module_names() -> tuple[str, ...]:
 )
 @click.version_option(__version__, "-v", "-V", "--version", message="gpsfsm %(version)s")
 @click.pass_context
-def _GROUP(context: click.Context) -> None:  # noqa: N802  (it is an object, not a function)
+def group(context: click.Context) -> None:
     """Check robot plans formally before they run, as in 'gpsfsm check plan.xml'."""
     if context.invoked_subcommand is None:
         write_message(f"{context.get_help()}\n")

@@ -55,7 +55,7 @@ class AttemptsCommand(Values):
 )
 @output_option()
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: Any) -> int:
     r"""Show the answers of models, as recorded in JOURNAL (default: gpsfsm.db).
 
     \b

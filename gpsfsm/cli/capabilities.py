@@ -40,7 +40,7 @@ def _library_options(command: Callable[..., Any]) -> Callable[..., Any]:
     section=Section.MAINTAIN,
     short_help="List, show and check capabilities.",
 )
-def COMMAND() -> None:  # noqa: N802  (it is an object)
+def command() -> None:
     r"""List, show and check capabilities: parameters, inputs, outputs and effects of runners.
 
     \b
@@ -49,7 +49,7 @@ def COMMAND() -> None:  # noqa: N802  (it is an object)
     """
 
 
-@COMMAND.command("list", short_help="List all interfaces.")
+@command.command("list", short_help="List all interfaces.")
 @_library_options
 def _list(folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
     r"""List all interfaces with their providers.
@@ -71,7 +71,7 @@ def _list(folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
     return 0
 
 
-@COMMAND.command("show", short_help="Show a capability.")
+@command.command("show", short_help="Show a capability.")
 @click.argument("name")
 @_library_options
 def _show(name: str, folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
@@ -95,7 +95,7 @@ def _show(name: str, folders: Sequence[str], no_builtin: bool, output_format: st
     return 0
 
 
-@COMMAND.command("check", short_help="Check capability files.")
+@command.command("check", short_help="Check capability files.")
 @click.argument("folders", nargs=-1, required=True, metavar="DIR...", type=ANY_PATH)
 @declare(
     "--fail-on",
@@ -138,7 +138,7 @@ def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format
     return 1 if errors or (fail_on == "warning" and loaded.defects) else 0
 
 
-@COMMAND.command("pull", short_help="Save what a robot offers as files.")
+@command.command("pull", short_help="Save what a robot offers as files.")
 @declare(
     "-o",
     "--output",

@@ -148,7 +148,7 @@ class CheckCommand(CheckValues, FailValues):
 @limit_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Check the plans in PATH…: files, folders (every *.xml in them), or - for stdin.
 
     Exit code: 0 no finding at or above --fail-on, 1 findings, 2 not checked.

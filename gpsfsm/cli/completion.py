@@ -49,7 +49,7 @@ _PLACES: Mapping[str, _Place] = {
 )
 @click.argument("shell", type=click.Choice(tuple(_PLACES)))
 @declare("--install", is_flag=True, help="Write the script to your own folder of completions.")
-def _completion(shell: str, *, install: bool) -> int:
+def command(shell: str, *, install: bool) -> int:
     r"""Print the completion script for a shell, or install it.
 
     It completes commands, options, their values, rule codes and file names. --install writes one
@@ -69,18 +69,15 @@ def _completion(shell: str, *, install: bool) -> int:
     return 0
 
 
-COMMAND = _completion
-
-
 def _script(shell: str) -> str:
     from click.shell_completion import ShellComplete, get_completion_class
 
-    from gpsfsm.cli import _GROUP
+    from gpsfsm.cli import group
 
     kind = get_completion_class(shell)
     assert kind is not None, shell
     # that of the base class: the one for bash starts a bash to see how old it is
-    script = ShellComplete.source(kind(_GROUP, {}, "gpsfsm", _VARIABLE))
+    script = ShellComplete.source(kind(group, {}, "gpsfsm", _VARIABLE))
     # and that for fish cuts a word off at its first comma, of which lists of rules have many
     return script.replace('string split "," ', 'string split -m 1 "," ').rstrip("\n") + "\n"
 

@@ -69,7 +69,7 @@ Example:
 @limit_options
 @config_options
 @click.pass_context
-def convert(context: click.Context, /, **_: object) -> int:
+def command(context: click.Context, /, **_: object) -> int:
     """Write a plan, tree or machine in another format."""
     if not context.params["path"]:
         raise click.UsageError(_NO_PATH, context)
@@ -110,6 +110,3 @@ def _run(values: ConvertCommand) -> int:
     write_text(text, values.output_file, form=form_of("graphml"))
     complain(f"{parsed.file}: written as {values.to}, proved to be equivalent")
     return 0
-
-
-COMMAND = convert

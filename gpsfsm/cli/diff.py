@@ -70,7 +70,7 @@ class DiffCommand(LimitValues):
 @limit_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Compare the behaviour of two plans; show the first scenario in which they differ.
 
     Names, layout, providers and the order of parallel units do not matter. Machines can be compared

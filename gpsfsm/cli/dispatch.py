@@ -118,7 +118,7 @@ class DispatchCommand(GateValues):
 @declare("--verbose", is_flag=True, help="Show every event.")
 @declare("--config", metavar="FILE", help="Use this configuration file. [default: none]")
 @click.pass_context
-def _command(context: click.Context, /, **_: object) -> int:
+def command(context: click.Context, /, **_: object) -> int:
     """Run ``gpsfsm dispatch``."""
     values = settled(context, DispatchCommand)
     if not values.path:
@@ -127,9 +127,6 @@ def _command(context: click.Context, /, **_: object) -> int:
         raise UsageError("--journal needs the name of a file, not an empty one")
     values.refuse_idle()
     return _dispatch(values, values.path)
-
-
-COMMAND = _command
 
 
 def _dispatch(values: DispatchCommand, path: str) -> int:

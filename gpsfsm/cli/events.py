@@ -79,7 +79,7 @@ class EventsCommand(Values):
 )
 @output_option()
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Show the events of a run in JOURNAL, also while it runs.
 
     All events are verified against the hashes in the journal. If it is damaged, the damage is

@@ -32,7 +32,7 @@ _MAX_HINTS = 3
 )
 @click.argument("rules", nargs=-1, metavar="[CODE|NAME]…", shell_complete=complete_rules)
 @format_option("text", "markdown", "json", text="Output format.")
-def COMMAND(rules: Sequence[str], output_format: str) -> int:  # noqa: N802  (it is an object)
+def command(rules: Sequence[str], output_format: str) -> int:
     r"""Explain rules by code or name: what each finds, why it matters, what to do.
 
     Without a rule, list all of them; with a prefix such as GP3, its family.

@@ -78,7 +78,7 @@ class FixCommand(CheckValues, FailValues):
 @limit_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Repair the plans in PATH…: files, folders (every *.xml in them), or - for stdin.
 
     A fix is kept only if a new check shows that it removes its finding and adds no other. Files

@@ -213,7 +213,7 @@ class FuzzCommand(LimitValues, LibraryValues):
 @limit_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Run the plan in PATH many times with random outcomes, delays and faults.
 
     Each run is checked against properties; a failure is reported with the simplest run that shows

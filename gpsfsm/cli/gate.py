@@ -93,7 +93,7 @@ class GateCommand(GateValues):
 @limit_options
 @declare("--config", metavar="FILE", help="Use this configuration file. [default: none]")
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Decide whether the plans in PATH… may run: files, folders of *.xml, or -.
 
     The gate rejects every plan that is not certain to be right. It searches for no configuration

@@ -125,7 +125,7 @@ class GenerateCommand(AskingValues):
 @declare("--served", is_flag=True, hidden=True, help="As a part of 'gpsfsm serve'.")
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: Any) -> int:
     r"""Ask a language model for a plan, check it, and ask again with the findings.
 
     The accepted plan goes to standard output, everything else to standard error.

@@ -91,7 +91,7 @@ class GradeCommand(CheckValues):
 @idle_options("grade")
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Grade the answers in PATH…: files, folders (all *.xml in them), or - for standard input.
 
     \b

@@ -62,7 +62,7 @@ class GrammarCommand(Values):
 )
 @output_option()
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Write the grammar of plans.
 
     The formats gbnf (llama.cpp, vLLM, SGLang), lark (OpenAI) and json-schema (Ollama and others)

@@ -46,7 +46,7 @@ Example:
 )
 @declare("--yes", is_flag=True, help="Ask no questions.")
 @declare("--force", is_flag=True, help="Overwrite existing files.")
-def _init(
+def command(
     name: str | None,
     capabilities: tuple[str, ...],
     runners: tuple[str, ...],
@@ -81,6 +81,3 @@ def _init(
     Path("gpsfsm.toml").write_text(files["gpsfsm.toml"], encoding="utf-8")
     write_message("wrote robot.yaml and gpsfsm.toml; 'gpsfsm check' uses them here\n")
     return 0
-
-
-COMMAND = _init

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.command(
     "lsp", cls=Command, section=Section.SERVE, short_help="Run the language server for editors."
 )
-def COMMAND() -> int:  # noqa: N802  (it is an object)
+def command() -> int:
     r"""Run the language server on standard input and output.
 
     Editors start it themselves; docs/editors.md explains how to set them up.

@@ -68,7 +68,7 @@ class PortCommand(LimitValues, LibraryValues):
 @limit_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Rewrite the plan in PATH so that an engine runs it as the paper specifies.
 
     The new plan is proved equivalent for all outcomes. If no such plan exists, gpsfsm reports what

@@ -46,7 +46,7 @@ class PromptCommand(AskingValues):
 @model_options()
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: Any) -> int:
     r"""Print the prompt that 'gpsfsm generate' would send to a model.
 
     The approximate number of tokens, and what was left out to make it fit, go to standard error.

@@ -32,7 +32,7 @@ _DIFFERS = 1
     help="Run number in the journal. [default: the last, and those it continues]",
 )
 @click.pass_context
-def COMMAND(context: click.Context, journal: str | None, number: int | None) -> int:  # noqa: N802
+def command(context: click.Context, journal: str | None, number: int | None) -> int:
     r"""Replay a run from JOURNAL without real runners and compare every event.
 
     External inputs come from the journal. A simulated run that has ended is also simulated again

@@ -83,7 +83,7 @@ class ResumeCommand(AllowValues, ModelValues, LibraryValues):
 @library_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Resume the run in JOURNAL that has not ended.
 
     Actions with an outcome are not repeated. An action that was active is retried if its runner

@@ -50,7 +50,7 @@ Example:
   gpsfsm ros gate --robot robot.yaml --receipts decisions.jsonl
 """
 
-COMMAND = CommandGroup(
+command = CommandGroup(
     "ros",
     section=Section.SERVE,
     help=_ROS,
@@ -58,7 +58,7 @@ COMMAND = CommandGroup(
 )
 
 
-@COMMAND.command(
+@command.command(
     "gate", help=_GATE, short_help="Guard a Fabric server: pass on accepted plans only."
 )
 @task_option

@@ -201,7 +201,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
 @limit_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Check the plan in PATH (- for standard input) and run it.
 
     Runners are simulated with random outcomes unless --world, --scenario or --real is given.

@@ -278,7 +278,7 @@ class ServeCommand(RegenerationValues, LibraryValues, AllowValues, LogValues):
 @library_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Serve checks, the gate, grades, repairs and, with --journal, a queue of plans.
 
     Without a token, only this machine can connect. /openapi.json describes the interface.

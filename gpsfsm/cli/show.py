@@ -73,7 +73,7 @@ class ShowCommand(LimitValues):
 @limit_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Draw the plan, behaviour tree or machine in PATH, or - for standard input.
 
     With --engine, draw what an original engine makes of it.

@@ -90,7 +90,7 @@ class ViewCommand(CheckValues):
 @limit_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def command(context: click.Context, /, **_: object) -> int:
     r"""Write a page that shows the plans in PATH…: files, folders, or - for stdin.
 
     The page is one file that needs no network: tree, automaton and text of each plan, with its
@@ -113,7 +113,7 @@ def _check_words(context: click.Context) -> str:
     """The options of this command line that `gpsfsm check` has too, for a shell."""
     from gpsfsm.cli import check
 
-    shared = {option.name for option in check.COMMAND.params} - {"paths", "output_file", "diff"}
+    shared = {option.name for option in check.command.params} - {"paths", "output_file", "diff"}
     words: list[str] = []
     for each in context.command.params:
         name = each.name or ""

@@ -112,9 +112,10 @@ def with_arriving(
                     giver = bindings[automaton.runner_number(source)]
                     names = None if giver is None else giver.provider.names_handed_over(event)
                     arriving = None if names is None or arriving is None else arriving | names
-            if arriving != binding.arriving:
-                binding = replace(binding, arriving=arriving)  # noqa: PLW2901
-        completed.append(binding)
+            same = arriving == binding.arriving
+            completed.append(binding if same else replace(binding, arriving=arriving))
+        else:
+            completed.append(None)
     return tuple(completed)
 
 

@@ -12,7 +12,8 @@ With ``parallel(B, C)`` in the second plan its kinds are (0, 1, 2), and B has no
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from math import isnan
+from typing import TYPE_CHECKING, NamedTuple, TypeGuard
 
 from gpsfsm.equivalence.normal_form import Label, name_forms, normal_form
 from gpsfsm.equivalence.pairs import OUTCOMES, Pair, Sides
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from gpsfsm.equivalence.admission import Admission
     from gpsfsm.equivalence.normal_form import Form, Name
     from gpsfsm.equivalence.pairs import Action, Behaviour
+    from gpsfsm.model.plan import Value
 
 _Numbers = tuple[tuple[int, ...], tuple[int, ...]]
 
@@ -107,7 +109,7 @@ def _close(first: Behaviour, second: Behaviour, tolerance: float) -> _Close:
     for runner in (*first.plan.runners, *second.plan.runners):
         for name, value in runner.parameters.items():
             if _is_number(value):
-                values.setdefault((runner.interface, name), set()).add(value)  # type: ignore[arg-type]
+                values.setdefault((runner.interface, name), set()).add(value)
     close: _Close = {}
     for key, numbers in values.items():
         before = leader = None
@@ -119,12 +121,14 @@ def _close(first: Behaviour, second: Behaviour, tolerance: float) -> _Close:
     return close
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     """A number that can be compared: no Boolean, no nan."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and value == value  # noqa: PLR0124
+    if isinstance(value, float):
+        return not isnan(value)
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _rounded(parameters: Mapping[str, object], action: Action, close: _Close) -> Action:
+def _rounded(parameters: Mapping[str, Value], action: Action, close: _Close) -> Action:
     if not close:
         return action
     assert isinstance(action, tuple)
@@ -133,9 +137,9 @@ def _rounded(parameters: Mapping[str, object], action: Action, close: _Close) ->
     return (
         interface,
         *(
-            (name, value_key(close.get((interface, name), {}).get(value, value)))  # type: ignore[call-overload]
+            (name, value_key(close.get((interface, name), {}).get(value, value)))
             if _is_number(value)
-            else (name, value_key(value))  # type: ignore[arg-type]
+            else (name, value_key(value))
             for name, value in typed
         ),
     )

@@ -178,13 +178,14 @@ async def in_thread(function: Callable[..., Any], *arguments: Any, **named: Any)
             waiting.set_exception(error)
 
     def work() -> None:
-        value, problem = None, None
+        value: Any = None
+        problem: BaseException | None = None
         try:
             value = function(*arguments, **named)
         except StopIteration as error:  # cannot travel through a future
             problem = RuntimeError(f"StopIteration: {error}")
         except BaseException as error:
-            problem = error  # type: ignore[assignment]
+            problem = error
         with suppress(RuntimeError):  # nobody waits any more
             loop.call_soon_threadsafe(settle, value, problem)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from dataclasses import dataclass, field
+from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -241,8 +242,7 @@ def _copied(value: object, left: int, depth: int = 0) -> tuple[RunValue | None, 
         left -= len(value)
         return ("" if left < 0 else None if _unwritable(value) else str(value)), left
     if isinstance(value, float):
-        finite = value == value and abs(value) != float("inf")  # noqa: PLR0124
-        return (float(value) if finite else None), left
+        return (float(value) if isfinite(value) else None), left
     if isinstance(value, int):
         return (int(value) if abs(value) < 2**63 else None), left
     if not isinstance(value, list) or depth == MAX_DEPTH:

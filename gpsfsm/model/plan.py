@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from enum import StrEnum
 from functools import cached_property
+from math import isnan
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from gpsfsm.late import dataclass
@@ -38,7 +39,7 @@ def value_key(value: Value) -> tuple[object, ...]:
     (True, False)
     """
     # A nan would equal itself only, and only the same object: None stands for all of them.
-    number_or_text = None if value != value else value  # noqa: PLR0124
+    number_or_text = None if isinstance(value, float) and isnan(value) else value
     return isinstance(value, bool), isinstance(value, str), number_or_text
 
 

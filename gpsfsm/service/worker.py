@@ -13,6 +13,7 @@ import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -127,8 +128,8 @@ def _context(head: dict[str, Any]) -> WorkerContext:
 
 def _warm(context: WorkerContext) -> None:
     """Load what requests need, so that none waits for it."""
-    import gpsfsm.fixing.engine
-    import gpsfsm.grading.grader  # noqa: F401
+    for module in ("gpsfsm.fixing.engine", "gpsfsm.grading.grader"):
+        import_module(module)
     from gpsfsm.service.shapes import Wishes
 
     for solver in ("auto", "z3"):

@@ -10,7 +10,7 @@ import pytest
 
 from gpsfsm.checking.settings import ModelTable, Settings
 from gpsfsm.cli import main
-from gpsfsm.cli.check import COMMAND
+from gpsfsm.cli.check import command as check
 from tests.cli.support import ACCEPTED, REJECTED, WARNED, run, runner, write
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -41,7 +41,7 @@ def shown(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 
 
 def test_every_option_has_a_key_and_the_other_way_round() -> None:
     keys = set(Settings.model_fields) - {"model"}
-    assert {option.name for option in COMMAND.params} - NOT_SETTINGS == keys
+    assert {option.name for option in check.params} - NOT_SETTINGS == keys
 
 
 def test_the_documentation_names_every_key_and_option() -> None:
@@ -49,7 +49,7 @@ def test_the_documentation_names_every_key_and_option() -> None:
     options = (DOCS / "cli.md").read_text(encoding="utf-8")
     for name in (*Settings.model_fields, *ModelTable.model_fields):
         assert f"`{name.replace('_', '-')}`" in configuration
-    for option in COMMAND.params:
+    for option in check.params:
         if option.param_type_name == "option":
             # of a switch that is on the way to turn it off is told
             names = option.secondary_opts if option.default is True else option.opts

@@ -9,8 +9,8 @@ from typing import Any
 import click
 import pytest
 
-from gpsfsm.cli import _GROUP
-from gpsfsm.cli.serve import COMMAND as SERVE
+from gpsfsm.cli import group
+from gpsfsm.cli.serve import command as serve
 from gpsfsm.service.settings import Settings
 
 _UNSET = (None, getattr(click.core, "UNSET", None))
@@ -18,10 +18,10 @@ _WRITTEN = re.compile(r"\[default: ([0-9][0-9_.,]*)\]")
 
 
 def options() -> list[Any]:
-    context = _GROUP.make_context("gpsfsm", ["check"])
+    context = group.make_context("gpsfsm", ["check"])
     found = []
-    for name in _GROUP.list_commands(context):
-        command = _GROUP.get_command(context, name)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
         assert command is not None
         found += [
             pytest.param(each, id=f"{name} {each.opts[0]}")
@@ -84,17 +84,17 @@ def test_there_are_such_defaults() -> None:
     ],
 )
 def test_the_help_of_serve_says_what_holds(name: str, field: str) -> None:
-    (option,) = (each for each in SERVE.params if each.name == name)
+    (option,) = (each for each in serve.params if each.name == name)
     assert isinstance(option, click.Option)
     (default,) = (each.default for each in fields(Settings) if each.name == field)
     match = _WRITTEN.search(option.help or "")
     assert match is not None
     assert float(match[1]) == default
-    context = click.Context(SERVE)
+    context = click.Context(serve)
     assert option.type.convert(str(default), option, context) == default
 
 
 def test_a_body_may_be_longer_than_the_default() -> None:
-    (option,) = (each for each in SERVE.params if each.name == "max_body")
-    assert option.type.convert(str(64 << 20), option, click.Context(SERVE)) == 64 << 20
+    (option,) = (each for each in serve.params if each.name == "max_body")
+    assert option.type.convert(str(64 << 20), option, click.Context(serve)) == 64 << 20
     assert Settings(max_body=64 << 20).bodies >= 4 * (64 << 20)

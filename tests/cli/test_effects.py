@@ -10,7 +10,7 @@ import pytest
 
 from gpsfsm.analysis.rules import rule
 from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT, OPTIONS, Group
-from gpsfsm.cli import _GROUP, main
+from gpsfsm.cli import group, main
 from tests.cli.support import ACCEPTED, REJECTED, runner
 
 TASK = str(Path(__file__).parents[2] / "docs/examples/rounds.yaml")
@@ -137,9 +137,9 @@ COMMON: dict[str, list[str]] = {
 
 def cases() -> list[Any]:
     """Each command with each option of the table that it takes."""
-    context, found = click.Context(_GROUP), []
+    context, found = click.Context(group), []
     for name in COMMON:
-        command = _GROUP.get_command(context, name)
+        command = group.get_command(context, name)
         assert command is not None
         for each in command.params:
             option = BY_NAME.get(str(each.name))
@@ -184,10 +184,10 @@ def test_an_option_changes_the_outcome_or_is_refused(
 
 
 def test_the_commands_are_those_that_take_such_options() -> None:
-    context = click.Context(_GROUP)
+    context = click.Context(group)
     taking = set()
-    for name in _GROUP.list_commands(context):
-        command = _GROUP.get_command(context, name)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
         assert command is not None
         flags = {flag for each in command.params for flag in each.opts}
         if {option.flag for option in OPTIONS if option.group is Group.LIMIT} & flags:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 import pytest
 
-from gpsfsm.cli import _GROUP, main
+from gpsfsm.cli import group, main
 from gpsfsm.cli._help import DOCUMENTATION, OLD_OUTPUT, Command, Section
 from tests.cli.support import ACCEPTED, write
 
@@ -32,7 +32,7 @@ def contexts(context: click.Context) -> Iterator[click.Context]:
 
 ALL = {
     each.command_path: each
-    for each in contexts(click.Context(_GROUP, info_name="gpsfsm", **_GROUP.context_settings))
+    for each in contexts(click.Context(group, info_name="gpsfsm", **group.context_settings))
 }
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 import gpsfsm
-from gpsfsm.cli import _GROUP, main
+from gpsfsm.cli import group, main
 from gpsfsm.errors import GpsfsmError, InternalError
 from tests.cli.support import ACCEPTED, TIMEOUT_S, environment, run, start, write
 
@@ -70,7 +70,7 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     shown = capsys.readouterr().out
     assert all(f"\n  {name} " in shown for name in COMMANDS)
-    assert _GROUP.list_commands(_GROUP.make_context("gpsfsm", ["check"])) == list(COMMANDS)
+    assert group.list_commands(group.make_context("gpsfsm", ["check"])) == list(COMMANDS)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gpsfsm.cli import _GROUP, main
+from gpsfsm.cli import group, main
 from gpsfsm.streams import Stream, lose, losses
 from tests.cli.support import REJECTED, runner, shell, write
 from tests.execution.journaling import forge
@@ -155,7 +155,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_command_is_tried() -> None:
-    commands = {*_GROUP.list_commands(None)}  # type: ignore[arg-type]
+    commands = {*group.list_commands(None)}  # type: ignore[arg-type]
     assert {*NOTHING} == commands
     assert {*SOMETHING} == commands
 

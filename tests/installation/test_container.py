@@ -93,11 +93,11 @@ def test_the_commands_are_those_of_gpsfsm(service: dict[str, Any]) -> None:
     """Read by the command line itself: a misspelt option would be refused."""
     import click
 
-    from gpsfsm.cli.serve import COMMAND
+    from gpsfsm.cli.serve import command
 
     for words in (json.loads(texts("CMD")[-1]), service["command"]):
         assert words[0] == "serve"
-        context = COMMAND.make_context("serve", list(words[1:]))
+        context = command.make_context("serve", list(words[1:]))
         assert isinstance(context, click.Context)
         assert context.params["host"] == "0.0.0.0"  # noqa: S104  (within the container)
         assert context.params["journal"] == "/data/queue.db"
