@@ -337,12 +337,14 @@ def write_text(text: str, output_file: str = STDOUT, *, form: Form = Form.TEXT) 
     write_bytes(guarded(text, form).encode("utf-8", "backslashreplace"), output_file)
 
 
-def write_bytes(data: bytes, output_file: str) -> None:
+def write_bytes(data: bytes, output_file: str, *, parents: bool = False) -> None:
     """Write a file, whole or not at all; it keeps its rights, and a link stays a link.
 
-    Raises GpsfsmError if it cannot be written.
+    ``parents``: make the folders that it needs. Raises GpsfsmError if it cannot be written.
     """
     with _explained(output_file):
+        if parents:
+            Path(output_file).parent.mkdir(parents=True, exist_ok=True)
         _write_file(Path(os.path.realpath(output_file)), data)
 
 

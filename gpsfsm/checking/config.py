@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.report import Report
 
 _OWN_NAME = "gpsfsm.toml"
+_USER_FOLDERS = {"XDG_CONFIG_HOME": ".config", "XDG_DATA_HOME": ".local/share"}
 _PROJECT_NAME = "pyproject.toml"
 _REPOSITORY = ".git"
 _TABLE = "[tool.gpsfsm]"
@@ -121,13 +122,20 @@ def load_config(file: str | Path) -> Config:
 
 def user_config_file() -> Path | None:
     """The path of the user's own configuration; None without a home folder."""
-    base = Path(os.environ.get("XDG_CONFIG_HOME", ""))
-    if not base.is_absolute():  # a relative one is to be ignored, says the standard
-        home = _home()
-        if home is None:
-            return None
-        base = home / ".config"
-    return base / "gpsfsm" / "config.toml"
+    folder = user_folder("XDG_CONFIG_HOME")
+    return None if folder is None else folder / "gpsfsm" / "config.toml"
+
+
+def user_folder(variable: str) -> Path | None:
+    """The folder of the user that a variable names (XDG base directories), or its default.
+
+    None if that is below the home folder, and there is none.
+    """
+    folder = Path(os.environ.get(variable, ""))
+    if folder.is_absolute():  # a relative one is to be ignored, says the standard
+        return folder
+    home = _home()
+    return None if home is None else home / _USER_FOLDERS[variable]
 
 
 def load_user_config() -> Config:

@@ -123,7 +123,10 @@ def _please_report() -> str:
 
 def _usage_hint(error: click.ClickException) -> str:
     context = error.ctx if isinstance(error, click.UsageError) else None
-    return f"'{context.command_path} --help' shows its options." if context else ""
+    if context is None:
+        return ""
+    what = "lists the commands" if isinstance(context.command, click.Group) else "shows its options"
+    return f"'{context.command_path} --help' {what}."
 
 
 class Commands(click.Group):
@@ -185,7 +188,8 @@ class Commands(click.Group):
     def _meant(self, ctx: click.Context, name: str, others: Sequence[str]) -> str:
         """A hint about what a word that is no command was meant to be."""
         names = self.list_commands(ctx)
-        near = difflib.get_close_matches(name, [*names, "help", "version"], n=1)
+        near = [_MEANT[name]] if name in _MEANT else []
+        near = near or difflib.get_close_matches(name, [*names, "help", "version"], n=1)
         if name == "man" or near == ["help"]:
             topic = next((each for each in others if each in names), "COMMAND")
             return f"for help: gpsfsm {topic} --help"
@@ -193,9 +197,8 @@ class Commands(click.Group):
             return "for the version: gpsfsm --version"
         if name.endswith((".xml", ".json")) or Path(name).exists():
             return f"to check a plan: gpsfsm check {shlex.join([name, *others])}"
-        if name in _MEANT or near:
-            command = _MEANT.get(name) or near[0]
-            return f"did you mean: gpsfsm {shlex.join([command, *others])}"
+        if near:
+            return f"did you mean: gpsfsm {shlex.join([*near, *others])}"
         if name.upper().startswith("GP") and name[2:].isdigit():
             return f"to explain a rule: gpsfsm explain {name.upper()}"
         return f"the commands are {', '.join(names)}"

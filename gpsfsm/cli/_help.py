@@ -102,8 +102,10 @@ class Command(click.Command):
             head, example, rest = text.partition("\n\n\b\nExample")
             text = f"{head}\n\nExit code: 0 done, 2 not possible.{example}{rest}"
         self.help = text
-        # click keeps the option that it makes in the first context: this one
-        self.get_help_option(click.Context(self, help_option_names=["-h", "--help"]))
+
+    def get_help_option_names(self, _ctx: click.Context) -> list[str]:
+        """The names of the option that click makes, in any context; ``--help-all`` is another."""
+        return ["-h", "--help"]
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """The parameters, with ``--help-all`` behind ``--help``."""

@@ -190,6 +190,8 @@ def _format_by_name(context: click.Context, values: Mapping[str, Any]) -> dict[s
     from gpsfsm.report import format_names, format_of
 
     formats: dict[str, str] = {}
+    if values.get("diff") is True or values.get("show"):  # these have a form of their own
+        return formats
     for each in context.command.params:
         name = each.name or ""
         if name not in _FORMATS or name in values.get(CONFIGURED, ()):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from gpsfsm.cli._help import Command, Section, declare
+from gpsfsm.errors import GpsfsmError
 from gpsfsm.late import dataclass
 from gpsfsm.streams import Form, write_bytes, write_message, write_text
 
@@ -23,24 +22,21 @@ class _Place:
     """The file in which a shell looks for the script, and what else it needs to see it."""
 
     variable: str  # of the environment: the folder of the user's data or configuration
-    default: str
     path: str
     next_step: str
 
 
 _PLACES: Mapping[str, _Place] = {
     "bash": _Place(
-        *("XDG_DATA_HOME", ".local/share", "bash-completion/completions/gpsfsm"),
+        *("XDG_DATA_HOME", "bash-completion/completions/gpsfsm"),
         "It works in new shells if the package bash-completion is installed.",
     ),
     "zsh": _Place(
-        *("XDG_DATA_HOME", ".local/share", "zsh/site-functions/_gpsfsm"),
+        *("XDG_DATA_HOME", "zsh/site-functions/_gpsfsm"),
         "zsh searches only its fpath. Unless it has the folder, add to ~/.zshrc, above compinit: "
         "fpath=({folder} $fpath)",
     ),
-    "fish": _Place(
-        *("XDG_CONFIG_HOME", ".config", "fish/completions/gpsfsm.fish"), "It works in new shells."
-    ),
+    "fish": _Place(*("XDG_CONFIG_HOME", "fish/completions/gpsfsm.fish"), "It works in new shells."),
 }
 
 
@@ -84,14 +80,15 @@ def _script(shell: str) -> str:
 
 def _install(script: str, place: _Place) -> str:
     """Write the script unless it is there, and say what was done."""
-    base = os.environ.get(place.variable, "")
-    folder = Path(base) if Path(base).is_absolute() else Path.home() / place.default
+    from gpsfsm.checking.config import user_folder
+
+    if (folder := user_folder(place.variable)) is None:
+        raise GpsfsmError(f"there is no home folder; set {place.variable}")
     file = folder / place.path
     data = script.encode("utf-8")
     if file.is_file() and file.read_bytes() == data:
         done = "is up to date"
     else:
         done = "is replaced" if file.exists() else "is written"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(data, str(file))
+        write_bytes(data, str(file), parents=True)
     return f"{file} {done}. {place.next_step.format(folder=file.parent)}\n"

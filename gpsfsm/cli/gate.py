@@ -146,7 +146,7 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
         ) as gate,
         progress_bar("deciding", len(inputs), at_least=MANY) as tick,
     ):
-        trees: list[str] = []
+        trees: list[str] = []  # that are refused as such
         decided = (_decided(gate, each, trees) for each in inputs)
         verdicts = list(counted(decided, len(inputs), tick))
     from gpsfsm.report import find_format
@@ -155,7 +155,7 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
         write_text(_written(name, verdicts), file, form=find_format(name).form)
     if values.summary is not None:
         append_text(_written("markdown", verdicts), values.summary)
-    if trees and not values.allow_trees:
+    if trees:
         complain("a gate refuses behaviour trees; with --allow-trees, it decides them like plans")
     return max((each.reason.exit_code for each in verdicts), default=2)
 
@@ -179,13 +179,16 @@ def _decided(gate: Gate, source: Input, trees: list[str]) -> Verdict:
     from gpsfsm.checking.inputs import read_bytes
     from gpsfsm.errors import InputError
     from gpsfsm.gating.deciding import unread
+    from gpsfsm.syntax.source import read_source
     from gpsfsm.syntax.trees import is_trees
 
+    check = gate.options.check
     try:
-        text = read_bytes(source, gate.options.check.limits.max_bytes)
+        text = read_bytes(source, check.limits.max_bytes)
     except InputError as error:
         return unread(gate.options, str(error), source.path)
-    trees += [source.path] if is_trees(text.decode("utf-8", "replace")) else []
+    if not check.trees and is_trees(read_source(text, check.limits).text or ""):
+        trees.append(source.path)
     return gate(text, source.path)
 
 

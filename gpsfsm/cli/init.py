@@ -10,7 +10,7 @@ import click
 from gpsfsm.checking.option_table import BY_NAME
 from gpsfsm.cli._help import Command, Section, declare
 from gpsfsm.errors import UsageError
-from gpsfsm.streams import write_message
+from gpsfsm.streams import check_writable, write_message, write_text
 
 _EXAMPLE = """\b
 Example:
@@ -75,9 +75,11 @@ def command(
     present = [each for each in files if Path(each).exists()]
     if present and not force:
         raise UsageError(f"{' and '.join(present)} would be overwritten; use --force to do so")
+    for each in files:  # both or none
+        check_writable(each, ())
     write_profile(
         Path("robot.yaml"), name or "robot", capabilities, runners, area=area, engine=engine
     )
-    Path("gpsfsm.toml").write_text(files["gpsfsm.toml"], encoding="utf-8")
+    write_text(files["gpsfsm.toml"], "gpsfsm.toml")
     write_message("wrote robot.yaml and gpsfsm.toml; 'gpsfsm check' uses them here\n")
     return 0

@@ -138,8 +138,7 @@ def _engine_automaton(values: ShowCommand, name: str, text: bytes) -> EngineText
     reading = read_for_engine(text, values.engine, name, Library(), values.limits)
     if not isinstance(reading, EngineReading):
         return reading
-    drawn = DRAWINGS[values.format](reading.compiled.automaton)
-    write_text(drawn, values.output_file, form=form_of(values.format))
+    _draw(values, reading.compiled.automaton)
     return None
 
 
@@ -153,10 +152,13 @@ def _run(values: ShowCommand) -> int:
     if parsed.plan is None:
         complain(f"{parsed.file}: there is no plan that could be drawn")
         return max(code, 1)
-    draw = partial(_svg, all_stops=True) if values.all_stops else DRAWINGS[values.format]
-    drawn = draw(compile_plan(parsed.plan).automaton)
-    write_text(drawn, values.output_file, form=form_of(values.format))
+    _draw(values, compile_plan(parsed.plan).automaton)
     return code
+
+
+def _draw(values: ShowCommand, automaton: Automaton) -> None:
+    draw = partial(_svg, all_stops=True) if values.all_stops else DRAWINGS[values.format]
+    write_text(draw(automaton), values.output_file, form=form_of(values.format))
 
 
 def _tree(automaton: Automaton) -> str:

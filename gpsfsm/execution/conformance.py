@@ -62,7 +62,10 @@ class ConformanceError(AssertionError):
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """The doings of a runner: ``duration_s`` in the time of the run, ``logs`` are its lines."""
+    """The observed behaviour of a runner.
+
+    ``duration_s`` is in the time of the run; ``logs`` are its lines.
+    """
 
     succeeded: bool
     outputs: Mapping[str, RunValue]

@@ -21,6 +21,7 @@ from gpsfsm.errors import (
     InternalError,
     UsageError,
     is_out_of_memory,
+    misused,
 )
 from gpsfsm.execution.records import Status
 from gpsfsm.fuzzing.runs import play
@@ -110,6 +111,8 @@ def run_campaign(
     arguments, ``jobs`` not among them, and on how many runs there was time for. Raises UsageError
     for a property that cannot be checked, or cannot be checked there.
     """
+    if progress is not None and not callable(progress):
+        raise misused("run_campaign", "a function or None as progress", progress)
     began = clock()
     earlier = tuple(first)
     engine = engine_of(jobs, None if time_s is not None else len(earlier) + runs)

@@ -167,7 +167,11 @@ class Run:
 
     @cached_property
     def triggered(self) -> dict[int, int]:
-        """The time at which each instance was triggered, in microseconds, by its number."""
+        """The time at which each instance was triggered, in microseconds, by its number.
+
+        It includes those triggered at the instant at which the run ends (semantics, 4.4), which an
+        executor may not have reached.
+        """
         counts: dict[int, int] = {}
         for at_us, _, records in self.moments:
             for record in records:

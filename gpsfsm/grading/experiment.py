@@ -208,8 +208,9 @@ def mark_corrupted(answers: Iterable[Answer], file: str) -> tuple[list[Answer], 
     """Mark the answers that a file lists as corrupted; the second list is of lines without one.
 
     Each line of the file, which is CSV, names some answers: with ``system``, ``model`` and
-    ``prompt``, and perhaps ``version``, ``task`` and ``iteration``. What is empty there, or no
-    column, may be anything. Raises InputError with the line that is wrong.
+    ``prompt``, and perhaps ``version``, ``task`` and ``iteration``. An empty cell or a missing
+    column stands for any value; without a ``version``, ``model`` is the whole name of the model.
+    Raises InputError with the line that is wrong.
     """
     columns, rows = read_rows(file)
     for name in _TEXTS:

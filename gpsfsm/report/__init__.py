@@ -30,7 +30,11 @@ __all__ = ["Format", "RenderOptions", "find_format", "format_names", "render", "
 
 _GROUP = "gpsfsm.formats"
 _ENDINGS = {"gv": "dot", "md": "markdown", "mmd": "mermaid"}
-_FOREIGN = ("htm", "html", "jpeg", "jpg", "pdf", "png")
+_FOREIGN = (
+    *("csv", "htm", "html", "jpeg", "jpg", "json"),
+    *("jsonl", "mcap", "pdf", "png", "svg"),
+)
+"""Endings of files in which nobody expects another format."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,20 +96,20 @@ def find_format(name: str) -> Format:
 def format_of(output_file: str, formats: Iterable[str]) -> str | None:
     """The one of the formats that the ending of a file names, or None.
 
-    Raises UsageError for the ending of a picture or page that none of them is.
+    Raises UsageError for the ending of a picture, page or other format that none of them is.
 
     >>> format_of("plan.svg", ["tree", "svg"])
     'svg'
     """
     ending, choices = Path(output_file).suffix.lower().removeprefix("."), list(formats)
-    if ending in _FOREIGN:
+    names = [name for name in (ending, _ENDINGS.get(ending)) if name in choices]
+    if ending in _FOREIGN and not names:
         page = "; for a page: gpsfsm view" if ending.startswith("htm") else ""
         raise UsageError(
             f"{printable(output_file)}: {ending} is none of the formats {', '.join(choices)}; "
             f"--format says which of them to write{page}"
         )
-    names = (name for name in (ending, _ENDINGS.get(ending)) if name in choices)
-    return next(names, None)
+    return names[0] if names else None
 
 
 def render(report: Report, name: str = "text", *, options: RenderOptions | None = None) -> str:

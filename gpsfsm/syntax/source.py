@@ -51,7 +51,7 @@ class Source:
 
 
 def read_source(data: str | bytes, limits: Limits) -> Source:
-    """The text of ``given``, decoded by byte order mark or XML declaration, else as UTF-8."""
+    """The text of ``data``, decoded by byte order mark or XML declaration, else as UTF-8."""
     if _too_long(data, limits):
         message = f"the text is longer than {limits.max_bytes:,} bytes"
         hint = "raise --max-bytes if the plan is meant to be that long"

@@ -71,6 +71,29 @@ def test_a_relative_folder_is_not_used(tmp_path: Path, monkeypatch: pytest.Monke
     assert (tmp_path / ".local" / FILES["bash"]).is_file()
 
 
+def test_a_folder_that_cannot_be_made_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "share").touch()
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "share"))
+    assert main(["completion", "bash", "--install"]) == 2
+    file = tmp_path / FILES["bash"]
+    assert capsys.readouterr().err == f"gpsfsm: cannot write {file}: Not a directory\n"
+
+
+def test_who_has_no_home_is_told_what_to_set(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+
+    def home() -> Path:
+        raise RuntimeError
+
+    monkeypatch.setattr(Path, "home", home)
+    assert main(["completion", "fish", "--install"]) == 2
+    assert capsys.readouterr().err == "gpsfsm: there is no home folder; set XDG_CONFIG_HOME\n"
+
+
 def completed(tmp_path: Path, *words: str) -> list[str]:
     """What bash would offer for the last of these words."""
     program = tmp_path / "gpsfsm"

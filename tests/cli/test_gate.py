@@ -190,6 +190,9 @@ def test_behaviour_trees_are_refused_unless_allowed(
     assert main(["gate", "t.xml"]) == 1
     assert "; with --allow-trees, it decides them" in capsys.readouterr().err
     assert gate("t.xml", "--allow-trees", capsys=capsys) == f"t.xml: {ALONE}\n"
+    (tmp_path / "t.xml").write_text((tmp_path / "t.xml").read_text(), encoding="utf-16")
+    assert main(["gate", "t.xml"]) == 1
+    assert "; with --allow-trees, it decides them" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("here")

@@ -53,6 +53,13 @@ def test_that_it_cannot_be_written_names_the_profile(capsys: pytest.CaptureFixtu
     assert capsys.readouterr().err == "gpsfsm: cannot write robot.yaml: Is a directory\n"
 
 
+def test_both_files_are_written_or_none(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("gpsfsm.toml").mkdir()
+    assert main([*INIT, "--force"]) == 2
+    assert capsys.readouterr().err == "gpsfsm: cannot write gpsfsm.toml: it is a folder\n"
+    assert not Path("robot.yaml").exists()
+
+
 def test_the_command_line_goes_over_the_file_over_the_profile(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

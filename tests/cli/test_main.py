@@ -127,9 +127,13 @@ def test_check_loads_the_graph_library_but_no_settings(tmp_path: Path) -> None:
     [
         (["chek", "a.xml"], "there is no command 'chek'; did you mean: gpsfsm check a.xml"),
         (["lint", "a.xml"], "there is no command 'lint'; did you mean: gpsfsm check a.xml"),
+        (["verify", "a.xml"], "there is no command 'verify'; did you mean: gpsfsm check a.xml"),
         (["rules"], "did you mean: gpsfsm explain"),
+        (["xyzzy"], "'gpsfsm --help' lists the commands."),
         (["version"], "for the version: gpsfsm --version"),
         (["check", "a.xml", "-o", "a.html"], "; for a page: gpsfsm view"),
+        (["check", "a.xml", "-o", "a.svg"], "a.svg: svg is none of the formats text, github, "),
+        (["events", "a.db", "-o", "a.json"], "a.json: json is none of the formats "),
         (["show", "a.xml", "-o", "a.png"], "a.png: png is none of the formats tree, dot, "),
         (["help", "check"], "for help: gpsfsm check --help"),
         (["help"], "for help: gpsfsm COMMAND --help"),

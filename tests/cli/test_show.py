@@ -137,6 +137,11 @@ def test_all_stops_are_for_pictures(tmp_path: Path, capsys: pytest.CaptureFixtur
     few, _ = drawn("a.json", "--format", "svg", capsys=capsys)
     whole, _ = drawn("a.json", "--format", "svg", "--all-stops", capsys=capsys)
     assert (few.count("edge stop"), whole.count("edge stop")) == (0, 3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gpsfsm.picture.automaton_to_svg", lambda _, *, all_stops: f"{all_stops}\n")
+        (tmp_path / "b.xml").write_text(ACCEPTED, encoding="utf-8")
+        words = ("b.xml", "--engine", "fabric-v2", "--format", "svg", "--all-stops")
+        assert drawn(*words, capsys=capsys) == ("True\n", "")
     _, err = drawn("a.json", "--all-stops", capsys=capsys, code=2)
     assert "--all-stops needs --format svg" in err
 

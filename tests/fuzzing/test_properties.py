@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib.metadata import EntryPoint
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import given, settings
@@ -85,6 +85,15 @@ def test_a_failure_in_the_property_of_another_package_is_its_own() -> None:
     theirs = guarded(Property("order", "it is in order", lambda run: 1 // 0))
     with pytest.raises(UsageError, match="order cannot be checked: ZeroDivisionError: integer"):
         run_campaign(subject(go("A")), [theirs], runs=3)
+    texts: Any = Property("order", "it is in order", lambda run: ["oops"])  # type: ignore[list-item]
+    with pytest.raises(UsageError, match="order must yield Breach objects, not str"):
+        run_campaign(subject(go("A")), [guarded(texts)], runs=3)
+
+
+def test_progress_is_a_function() -> None:
+    progress: Any = True
+    with pytest.raises(UsageError, match="takes a function or None as progress, not True"):
+        run_campaign(subject(go("A")), [], runs=3, progress=progress)
 
 
 def test_a_plan_that_does_what_the_task_asks_for_holds_it() -> None:

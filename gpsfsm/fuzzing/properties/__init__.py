@@ -11,9 +11,9 @@ import importlib
 import pkgutil
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.model.finding import Severity
 from gpsfsm.plugins import find_plugin
 
@@ -62,12 +62,17 @@ class _Guarded:
 
     def __call__(self, run: Run) -> list[Breach]:
         try:
-            return list(self.check(run))
-        except (MemoryError, UsageError):
+            breaches: list[Any] = list(self.check(run))
+        except (MemoryError, GpsfsmError):
             raise
         except Exception as error:  # whatever the other package does wrong
             reason = f"{type(error).__name__}: {error}"
             raise UsageError(f"the property {self.name} cannot be checked: {reason}") from error
+        for each in breaches:
+            if not isinstance(each, Breach):
+                kind = type(each).__name__
+                raise UsageError(f"the property {self.name} must yield Breach objects, not {kind}")
+        return breaches
 
 
 def guarded(theirs: Property) -> Property:

@@ -18,6 +18,7 @@ _ANY = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}  # noqa: S104  (where a server li
 _OLLAMA_PORT = 11434
 _OLLAMA_PATHS = ("/api/chat", "/api/generate", "/api", "/v1")
 _MAX = 2000
+_SHAPE = "the base URL must look like http://localhost:8000/v1"
 _PORTS = {"http": 80, "https": 443}
 _SHORTEST = 8  # shorter ones are no secrets but words such as EMPTY, which local servers are given
 _HIDDEN = "***"
@@ -111,7 +112,7 @@ def _parts(text: str) -> SplitResult:
         parts = urlsplit(text if "://" in text else f"http://{text}")
         _ = parts.port
     except ValueError:
-        raise UsageError("the base URL is not one such as http://localhost:8000/v1") from None
+        raise UsageError(_SHAPE) from None
     if "@" in parts.netloc:
         raise UsageError(
             "the base URL has a user or password in it; keys belong in the environment, such as "
@@ -121,7 +122,7 @@ def _parts(text: str) -> SplitResult:
         raise UsageError("the base URL must not contain '?' or '#'")
     slashes_lost = "://" not in text and parts.netloc.lower() in ("http:", "https:")
     if parts.scheme not in ("http", "https") or not parts.hostname or slashes_lost:
-        raise UsageError("the base URL is not one such as http://localhost:8000/v1")
+        raise UsageError(_SHAPE)
     return parts
 
 
