@@ -14,7 +14,7 @@ from benchmarks.common import ROOT
 from gpsfsm.grading.experiment import read_experiment
 from gpsfsm.grading.table_one import ALL, evaluate, table
 from gpsfsm.grading.tables import confusion_lines, confusion_of, markdown, short_rows
-from gpsfsm.streams import progress_bar
+from gpsfsm.progress import progress_bar
 
 EXPERIMENT = Path(os.environ.get("GPSFSM_CORPUS", ROOT.parent / "shared/corpus")) / "experiment1"
 

@@ -31,7 +31,7 @@ from gpsfsm.errors import UsageError, misused
 from gpsfsm.late import dataclass
 from gpsfsm.model.report import PlanReport, Report
 from gpsfsm.model.story import ENGINES, PAPER_ENGINE
-from gpsfsm.streams import counted
+from gpsfsm.progress import counted
 from gpsfsm.syntax import Limits
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.checking.option_table import Option
-    from gpsfsm.streams import Progress
+    from gpsfsm.progress import Progress
 
 
 def check(

@@ -26,7 +26,7 @@ import click
 from gpsfsm import __version__
 from gpsfsm.cli._help import DOCUMENTATION, Section
 from gpsfsm.errors import DEBUG_VARIABLE, GpsfsmError, InternalError, is_out_of_memory
-from gpsfsm.streams import complain, give_up_stdout, losses, write_message
+from gpsfsm.streams import complain, give_up_stdout, losses, to_stderr
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -239,5 +239,5 @@ def _module_names() -> tuple[str, ...]:
 def group(context: click.Context) -> None:
     """Check robot plans formally before they run, as in 'gpsfsm check plan.xml'."""
     if context.invoked_subcommand is None:
-        write_message(f"{context.get_help()}\n")
+        to_stderr(f"{context.get_help()}\n")
         context.exit(_FAILED)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from gpsfsm.streams import write_message, write_text
+from gpsfsm.streams import to_stderr, write_text
 from gpsfsm.version import REPOSITORY
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ class CommandGroup(Command, click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does, but the help is no message about an error."""
         if not args and not ctx.resilient_parsing:
-            write_message(f"{ctx.get_help()}\n")
+            to_stderr(f"{ctx.get_help()}\n")
             ctx.exit(2)
         return super().parse_args(ctx, args)
 

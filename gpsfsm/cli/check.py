@@ -32,16 +32,14 @@ from gpsfsm.cli._options import (
 )
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.late import dataclass
+from gpsfsm.progress import MANY, counted, progress_bar
 from gpsfsm.streams import (
-    MANY,
     STDOUT,
     Form,
     check_writable,
-    counted,
-    progress_bar,
     terminal_width,
+    to_stderr,
     wants_color,
-    write_message,
     write_text,
 )
 
@@ -221,7 +219,7 @@ def _fix_all(
     for outcome, lines in fix_inputs(inputs, options, wish):
         outcomes.append(outcome)
         if not values.quiet:
-            write_message(lines)
+            to_stderr(lines)
     if any(outcome.unwritten for outcome in outcomes):
         raise GpsfsmError("not all plans could be written")
     changed = wish.diff and any(outcome.changed for outcome in outcomes)

@@ -9,7 +9,7 @@ import click
 from gpsfsm.cli._help import Command, Section, declare
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.late import dataclass
-from gpsfsm.streams import Form, write_bytes, write_message, write_text
+from gpsfsm.streams import Form, to_stderr, write_bytes, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -59,7 +59,7 @@ def command(shell: str, *, install: bool) -> int:
     """
     script = _script(shell)
     if install:
-        write_message(_install(script, _PLACES[shell]))
+        to_stderr(_install(script, _PLACES[shell]))
     else:
         write_text(script, form=Form.EXACT)
     return 0

@@ -27,7 +27,7 @@ from gpsfsm.cli._options import (
     tell_settings,
 )
 from gpsfsm.fixing.files import Outcome, Wish, check_target, fix_inputs, takes_stdout, total_line
-from gpsfsm.streams import write_message, write_text
+from gpsfsm.streams import to_stderr, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -105,7 +105,7 @@ def _run(values: FixCommand) -> int:
     wish = Wish(values.unsafe_fixes, values.diff, values.output_file)
     inputs = list(find_inputs(values.paths, values.field))
     check_target(inputs, wish)
-    say = write_message if takes_stdout(inputs, wish) else write_text
+    say = to_stderr if takes_stdout(inputs, wish) else write_text
     outcomes: list[Outcome] = []
     for outcome, lines in fix_inputs(inputs, options, wish):
         outcomes.append(outcome)

@@ -29,12 +29,12 @@ from gpsfsm.cli._options import (
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import PAPER_ENGINE
+from gpsfsm.progress import progress_bar
 from gpsfsm.streams import (
     Form,
     check_writable,
     complain,
     form_of,
-    progress_bar,
     terminal_width,
     wants_color,
     write_text,

@@ -131,7 +131,7 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     """Everything that can be wrong with the options is found before the first plan is read."""
     from gpsfsm.checking.inputs import find_inputs
     from gpsfsm.gating import Gate
-    from gpsfsm.streams import MANY, counted, progress_bar
+    from gpsfsm.progress import MANY, counted, progress_bar
 
     options = values.gate_options()
     values.refuse_idle()

@@ -29,7 +29,7 @@ from gpsfsm.cli._options import (
     read_values,
     tell_narrowing,
 )
-from gpsfsm.streams import Form, check_writable, write_message, write_text
+from gpsfsm.streams import Form, check_writable, to_stderr, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -159,12 +159,12 @@ def command(context: click.Context, /, **_: Any) -> int:
     try:
         with ExitStack() as stack:
             keeper = keeper_of(journal, stack)
-            write_message(f"asking {model.name}: about {prompt.tokens:,} tokens\n")
-            write_message("".join(f"note: {note}\n" for note in notes))
+            to_stderr(f"asking {model.name}: about {prompt.tokens:,} tokens\n")
+            to_stderr("".join(f"note: {note}\n" for note in notes))
             generated = _run(search, keeper, journal)
     except JournalError as error:
         raise JournalError(f"{error}\n{_ELSEWHERE}") from error
-    write_message(f"{result_line(generated)}\n")
+    to_stderr(f"{result_line(generated)}\n")
     return _written(generated, values)
 
 
@@ -189,13 +189,13 @@ def _run(search: Search, keeper: Keeper | None, journal: str | None) -> Generate
     from gpsfsm.generation.attempt_log import attempt_line
 
     def tell(attempt: Attempt) -> None:
-        write_message(f"{attempt_line(attempt, candidates=search.options.candidates)}\n")
+        to_stderr(f"{attempt_line(attempt, candidates=search.options.candidates)}\n")
 
     try:
         return asyncio.run(search.run(tell, keeper))
     except KeyboardInterrupt:
         kept = f"; the answers are in {journal}" if journal is not None else ""
-        write_message(f"stopped{kept}\n")
+        to_stderr(f"stopped{kept}\n")
         raise click.exceptions.Exit(_INTERRUPTED) from None
 
 
@@ -222,7 +222,7 @@ def _tell_best(generated: Generated) -> None:
     lines = [title, "", *judged.feedback.splitlines()]
     if judged.plan:
         lines += ["", "its plan, which was not accepted:", "", *judged.plan.splitlines()]
-    write_message("".join(f"{printable(line.expandtabs(4))}\n" for line in lines))
+    to_stderr("".join(f"{printable(line.expandtabs(4))}\n" for line in lines))
 
 
 def _json(generated: Generated) -> str:

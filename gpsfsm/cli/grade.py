@@ -118,7 +118,7 @@ def _run(values: GradeCommand) -> int:
     from gpsfsm.grading.grade_tables import GradeTable, columns_of, streamed, write_grades
     from gpsfsm.grading.grader import Grade, grade_inputs
     from gpsfsm.grading.labels import load_labels
-    from gpsfsm.streams import MANY, counted, progress_bar
+    from gpsfsm.progress import MANY, counted, progress_bar
     from gpsfsm.tasks.load import load_task
 
     task, options = load_task(values.task), values.options()

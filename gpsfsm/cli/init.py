@@ -10,7 +10,7 @@ import click
 from gpsfsm.checking.option_table import BY_NAME
 from gpsfsm.cli._help import Command, Section, declare
 from gpsfsm.errors import UsageError
-from gpsfsm.streams import check_writable, write_message, write_text
+from gpsfsm.streams import check_writable, to_stderr, write_text
 
 _EXAMPLE = """\b
 Example:
@@ -81,5 +81,5 @@ def command(
         Path("robot.yaml"), name or "robot", capabilities, runners, area=area, engine=engine
     )
     write_text(files["gpsfsm.toml"], "gpsfsm.toml")
-    write_message("wrote robot.yaml and gpsfsm.toml; 'gpsfsm check' uses them here\n")
+    to_stderr("wrote robot.yaml and gpsfsm.toml; 'gpsfsm check' uses them here\n")
     return 0

@@ -21,7 +21,7 @@ from gpsfsm.cli._options import (
 )
 from gpsfsm.errors import UsageError
 from gpsfsm.model.story import ENGINES, PAPER_ENGINE
-from gpsfsm.streams import STDOUT, check_writable, write_message
+from gpsfsm.streams import STDOUT, check_writable, to_stderr
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -111,7 +111,7 @@ def _run(path: str, values: PortCommand) -> int:
     except UnclearError as error:
         tell_errors(error.parsed)
         raise
-    write_message("".join(line + "\n" for line in _lines(ported, name, values)))
+    to_stderr("".join(line + "\n" for line in _lines(ported, name, values)))
     if ported.text is None:
         return 1
     if values.diff and ported.changed:

@@ -19,7 +19,7 @@ from gpsfsm.cli._asking import (
 from gpsfsm.cli._help import Command, Section
 from gpsfsm.cli._model import MODEL_PARAMETERS, model_options, model_settings
 from gpsfsm.cli._options import config_options, format_option, output_option, read_values
-from gpsfsm.streams import form_of, write_message, write_text
+from gpsfsm.streams import form_of, to_stderr, write_text
 
 if TYPE_CHECKING:
     from gpsfsm.generation.prompt_builder import Prompt
@@ -66,9 +66,9 @@ def command(context: click.Context, /, **_: Any) -> int:
     text = _json(prompt) if values.output_format == "json" else _text(prompt)
     write_text(text, values.output_file, form=form_of(values.output_format))
     characters = sum(len(each.text) for each in prompt.messages)
-    write_message(f"about {prompt.tokens:,} tokens, {characters:,} characters\n")
+    to_stderr(f"about {prompt.tokens:,} tokens, {characters:,} characters\n")
     for note in filter(None, (less, *prompt.notes)):
-        write_message(f"note: {note}\n")
+        to_stderr(f"note: {note}\n")
     return 0
 
 

@@ -132,7 +132,7 @@ def _check_words(context: click.Context) -> str:
 def _run(values: ViewCommand, check: str) -> int:
     from gpsfsm.checking.inputs import find_inputs
     from gpsfsm.model.report import Report
-    from gpsfsm.streams import MANY, counted, progress_bar
+    from gpsfsm.progress import MANY, counted, progress_bar
     from gpsfsm.viewing.document import document, view_input
     from gpsfsm.viewing.page import page
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from gpsfsm.fuzzing.properties import Breach, Property
     from gpsfsm.fuzzing.runs import Run
     from gpsfsm.fuzzing.subject import Subject
-    from gpsfsm.streams import Tick
+    from gpsfsm.progress import Tick
     from gpsfsm.workers import Engine, Later
 
 DEFAULT_RUNS = 1_000

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.fuzzing.subject import Subject
     from gpsfsm.model.plan import Plan
-    from gpsfsm.streams import Tick
+    from gpsfsm.progress import Tick
     from gpsfsm.syntax import Limits
     from gpsfsm.tasks.task import Task
 

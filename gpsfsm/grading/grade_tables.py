@@ -28,7 +28,7 @@ from gpsfsm.grading.tables import (
     summarize,
 )
 from gpsfsm.model.printable import clip, printable
-from gpsfsm.streams import STDOUT, Form, form_of, to_stdout, write_message, write_text
+from gpsfsm.streams import STDOUT, Form, form_of, to_stderr, to_stdout, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -179,7 +179,7 @@ def write_grades(all_of_it: GradeTable, table: str, output_file: str) -> None:
     if not _streams(table, output_file):
         write_text(table_text(all_of_it, table), output_file, form=form_of(table))
     if all_of_it.labels is not None and table in ("csv", "jsonl"):
-        write_message(agreement_text(all_of_it))
+        to_stderr(agreement_text(all_of_it))
 
 
 def _streams(table: str, output_file: str) -> bool:

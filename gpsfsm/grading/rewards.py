@@ -34,7 +34,7 @@ from gpsfsm.errors import (
     require_texts,
     require_whole,
 )
-from gpsfsm.streams import counted, refuse_progress
+from gpsfsm.progress import counted, refuse_progress
 from gpsfsm.tasks.task import Task
 from gpsfsm.workers import map_items
 from gpsfsm.workers.builtin.processes import Processes
@@ -42,7 +42,7 @@ from gpsfsm.workers.pool_worker import available_cores
 
 if TYPE_CHECKING:
     from gpsfsm.checking import CheckOptions
-    from gpsfsm.streams import Progress
+    from gpsfsm.progress import Progress
 
 TaskLike: TypeAlias = "Task | str | os.PathLike[str] | Mapping[str, Any]"
 """A task; the path of a task file; its content, as a text with a line break or a mapping."""

@@ -30,14 +30,14 @@ from gpsfsm.grading.tables import (
     summarize,
 )
 from gpsfsm.model.printable import clip, printable
-from gpsfsm.streams import counted
+from gpsfsm.progress import counted
 from gpsfsm.tasks.load import load_task
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.grading.experiment import Answer, Cell
-    from gpsfsm.streams import Progress
+    from gpsfsm.progress import Progress
 
 ALL = "all"
 """What a row over several groups has in place of what they differ in."""

@@ -389,7 +389,7 @@ _RULES = f"""\
 .gpsfsm-picture text{{fill:var(--text);paint-order:stroke;stroke-linejoin:round}}
 .gpsfsm-picture .name,.gpsfsm-picture .detail{{text-anchor:middle}}
 .gpsfsm-picture .name{{font-weight:600}}
-.gpsfsm-picture .detail,.gpsfsm-picture .note{{fill:var(--soft)}}
+.gpsfsm-picture .detail{{fill:var(--soft)}}
 .gpsfsm-picture .join .name,.gpsfsm-picture .join .detail{{font-size:10px;font-weight:400}}
 .gpsfsm-picture .caption{{fill:var(--soft);font-size:11px;stroke:var(--paper);stroke-width:3px}}
 .gpsfsm-picture .group{{stroke:var(--border);stroke-width:1}}

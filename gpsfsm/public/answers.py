@@ -25,15 +25,15 @@ from gpsfsm.errors import (
 from gpsfsm.grading.grade_tables import GradeTable, columns_of
 from gpsfsm.grading.grader import Grader, grade_inputs
 from gpsfsm.grading.rewards import task_of
-from gpsfsm.streams import counted, refuse_progress, ticking
+from gpsfsm.progress import counted, refuse_progress, ticking
 
 if TYPE_CHECKING:
     from gpsfsm.generation.language_model import LanguageModel
     from gpsfsm.generation.loop import Attempt, Generated
     from gpsfsm.generation.providers import ModelSettings
     from gpsfsm.grading.rewards import TaskLike
+    from gpsfsm.progress import Progress
     from gpsfsm.running.search import Search
-    from gpsfsm.streams import Progress
     from gpsfsm.syntax import Limits
 
 

@@ -24,10 +24,10 @@ from gpsfsm.fuzzing.campaign_report import (
 )
 from gpsfsm.fuzzing.subject import FAULTS, MAX_VISITS, subject_of
 from gpsfsm.grading.rewards import task_of
+from gpsfsm.progress import ticking
 from gpsfsm.public.plans import plan_of
 from gpsfsm.running.replaying import Replayed, replayed_runs
 from gpsfsm.running.run import run
-from gpsfsm.streams import ticking
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from gpsfsm.generation.language_model import LanguageModel
     from gpsfsm.grading.rewards import TaskLike
     from gpsfsm.model.plan import Plan
+    from gpsfsm.progress import Progress
     from gpsfsm.running.interruption import Interruption
     from gpsfsm.running.run_result import RunResult
-    from gpsfsm.streams import Progress
     from gpsfsm.syntax import Limits
 
 

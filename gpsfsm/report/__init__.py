@@ -16,7 +16,7 @@ from gpsfsm.errors import UsageError, misused
 from gpsfsm.late import dataclass
 from gpsfsm.model.printable import printable
 from gpsfsm.plugins import find_plugin
-from gpsfsm.streams import Form, write_message
+from gpsfsm.streams import Form, to_stderr
 from gpsfsm.tracing import span
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def tell_errors(parsed: Parsed) -> int:
     undecided = parsed.over_limit or parsed.lost
     verdict = Verdict.UNDECIDED if undecided else Verdict.REJECTED
     report = Report((PlanReport(parsed.file, verdict, None, errors),))
-    write_message(render(report, options=RenderOptions(quiet=True)))
+    to_stderr(render(report, options=RenderOptions(quiet=True)))
     return report.exit_code()
 
 

@@ -47,7 +47,7 @@ def automaton_data(automaton: Automaton, never: Collection[Signal] = ()) -> dict
     A node is at its index, so that the records of a run name it; the give-up of an engine that has
     none is there, but hidden. The page places nothing by itself: it moves these boxes and lines
     together where groups are folded. ``never`` are signals that no scenario emits
-    (``never_emitted``): neither their edges nor joins that so never fire are drawn.
+    (``never_emitted``): neither their edges nor joins of which no input can come are drawn.
     """
     if is_machine(automaton):
         return _machine_data(automaton)
@@ -237,7 +237,8 @@ def _node(
         "inputs": len(automaton.inputs[node.index]),
         "box": _short(box),
     }
-    dead = node.kind is NodeKind.JOIN and Signal(node.index, Event.SUCCEEDED) in never
+    inputs = automaton.inputs[node.index]
+    dead = node.kind is NodeKind.JOIN and bool(inputs) and all(each in never for each in inputs)
     if dead or (node.index == automaton.give_up and not automaton.traits.gives_up):
         data["hidden"] = True
     return data

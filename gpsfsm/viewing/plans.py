@@ -34,10 +34,9 @@ if TYPE_CHECKING:
     from typing import TypeVar
 
     from gpsfsm.checking import CheckOptions
-    from gpsfsm.model.automaton import Signal
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Location
-    from gpsfsm.model.tree import Forest, TreeNode
+    from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax import Parsed
     from gpsfsm.tasks.task import Task
     from gpsfsm.viewing.plays import Budget
@@ -141,7 +140,9 @@ def _remains(parsed: Parsed, path: str, options: CheckOptions) -> Seen:
 
 def _tree_elements(parsed: Parsed, path: str, options: CheckOptions) -> Plan | None:
     """The nodes of behaviour trees that cannot be unfolded, as they are written."""
-    forest = _forest(parsed.text, path, options)
+    from gpsfsm.syntax.trees import read_trees
+
+    forest = read_trees(parsed.text, path, options.limits).forest
     if forest is None or not forest.nodes:
         return None
     return TreePlan(
@@ -149,13 +150,6 @@ def _tree_elements(parsed: Parsed, path: str, options: CheckOptions) -> Plan | N
         tuple(_tree_element(node) for node in forest.nodes),
         paths=tuple(node.path for node in forest.nodes),
     )
-
-
-def _forest(text: str, path: str, options: CheckOptions) -> Forest | None:
-    """The behaviour trees in a text; None if they cannot be read."""
-    from gpsfsm.syntax.trees import read_trees
-
-    return read_trees(text, path, options.limits).forest
 
 
 def _tree_element(node: TreeNode) -> Element:
@@ -225,12 +219,11 @@ def plan_data(viewed: Viewed, seen: Seen, options: CheckOptions, budget: Budget)
     if isinstance(plan, MachinePlan):
         rows = _machine_rows(plan, rows)
     if isinstance(plan, TreeMachine):
-        rows, places = _nested_rows(rows, _forest(seen.text or "", report.path, options))
+        nest = partial(_nested_rows, rows, seen.text or "", report.path, options)
+        rows, places = _or_note(nest, (rows, places), "tree", notes)
     picture = None
     if compiled is not None:
-        never = _never(seen, compiled, options)
-        draw = partial(automaton_data, compiled.automaton, never)
-        picture = _or_note(draw, None, "picture", notes)
+        picture = _or_note(partial(_drawn, seen, compiled, options), None, "picture", notes)
     for node in picture["nodes"] if picture is not None and places else ():
         if node["element"] >= 0:
             node["element"] = places[node["element"]]
@@ -258,13 +251,13 @@ def plan_data(viewed: Viewed, seen: Seen, options: CheckOptions, budget: Budget)
     }
 
 
-def _never(seen: Seen, compiled: Compiled, options: CheckOptions) -> frozenset[Signal]:
-    """Signals that the automaton never emits under the options of the check."""
+def _drawn(seen: Seen, compiled: Compiled, options: CheckOptions) -> dict[str, Any]:
+    """The automaton, without the signals that it never emits under the options of the check."""
     automaton = compiled.automaton
     if not seen.whole or not automaton.traits.gives_up or is_machine(automaton):
-        return frozenset()
+        return automaton_data(automaton, frozenset())
     allowed = constraints_under(options.analysis, compiled).allowed
-    return never_emitted(automaton, allowed)
+    return automaton_data(automaton, never_emitted(automaton, allowed))
 
 
 def _or_note(make: Callable[[], _Part], instead: _Part, what: str, notes: list[str]) -> _Part:
@@ -426,7 +419,7 @@ def _machine_rows(plan: MachinePlan, rows: list[dict[str, Any]]) -> list[dict[st
 
 
 def _nested_rows(
-    rows: list[dict[str, Any]], forest: Forest | None
+    rows: list[dict[str, Any]], text: str, path: str, options: CheckOptions
 ) -> tuple[list[dict[str, Any]], Sequence[int]]:
     """The rows of a tree's machine below those of the nodes around its leaves.
 
@@ -434,9 +427,12 @@ def _nested_rows(
 
         tree, Look, Look@2, Go → tree, Sequence (Fallback (Look, Look@2), Go)
     """
-    places = [0] * len(rows)
+    from gpsfsm.syntax.trees import read_trees
+
+    forest = read_trees(text, path, options.limits).forest
     if forest is None:
         return rows, range(len(rows))
+    places = [0] * len(rows)
     uses: dict[str, list[int]] = {}
     ends = f"{rows[0]['path']}@"  # which come last
     for place, row in enumerate(rows[1:], 1):

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-import gpsfsm.streams
+import gpsfsm.progress
 from gpsfsm.cli import main
-from gpsfsm.streams import MANY, progress_bar, wants_color
+from gpsfsm.progress import MANY, progress_bar
+from gpsfsm.streams import wants_color
 from tests.cli.support import ACCEPTED, REJECTED, TIMEOUT_S, environment, run, shell, start, write
 from tests.forked import Forked
 
@@ -230,7 +231,7 @@ def test_few_plans_that_take_long_have_a_progress_bar(
     monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(gpsfsm.streams, "_SOON_S", 0.1)
+    monkeypatch.setattr(gpsfsm.progress, "_SOON_S", 0.1)
     with progress_bar("checking", 2, at_least=MANY) as tick:
         tick(1, 2)
         time.sleep(taken_s)

@@ -51,6 +51,15 @@ def test_one_of_two_that_can_fail_is_enough_for_the_join() -> None:
     assert not any(node.get("hidden") for node in bound["automaton"]["nodes"])
 
 
+def test_a_join_that_gets_some_of_its_inputs_is_drawn() -> None:
+    """It never fires, but the connection of what can fail ends there."""
+    both = _ALL.replace("parallel_all", "parallel_any")
+    bound = only(both, _assuming("never fails: A"))
+    nodes = bound["automaton"]["nodes"]
+    assert {source for source, event, _ in edges_of(bound) if event == "FAILED"} == {2, 3}
+    assert not any(nodes[target].get("hidden") for *_, target in edges_of(bound) if target >= 0)
+
+
 def test_a_capability_says_it_too() -> None:
     speech = (
         '<Plan><Runner interface="perception_capabilities/SpeechRunner" '
