@@ -12,7 +12,7 @@ import json
 import pkgutil
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 from gpsfsm.service import endpoints
@@ -123,6 +123,7 @@ def _paths_and_schemas() -> dict[str, Any]:
     }
 
 
+@lru_cache(maxsize=16)  # it is made on the event loop, and takes some 15 ms
 def document(prefix: str = "") -> bytes:
     """The document as JSON; ``prefix`` is the path below which the service stands."""
     about = {

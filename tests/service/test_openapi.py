@@ -8,6 +8,7 @@ import jsonschema
 import pytest
 
 from gpsfsm.service.registry import all_endpoints
+from gpsfsm.service.registry import document as written
 from tests.service.support import BAD, GOOD, ended
 
 if TYPE_CHECKING:
@@ -26,6 +27,10 @@ def test_it_is_about_every_endpoint(client: httpx.Client) -> None:
     assert told == {(each.path, each.method) for each in all_endpoints()}
     names = [one["operationId"] for each in document["paths"].values() for one in each.values()]
     assert len(names) == len(set(names))
+
+
+def test_it_is_made_once_for_each_place_of_the_service() -> None:
+    assert written("/gpsfsm") is written("/gpsfsm") != written()
 
 
 def test_every_reference_leads_somewhere(client: httpx.Client) -> None:
