@@ -234,10 +234,10 @@ def _by_scenarios(
     if not constraints.groups and not constraints.formulas:
         try:
             exploration = Exploration(compiled.automaton, constraints.allowed, limit=ALSO_EXPLORED)
+            second = Judge(exploration).facts()  # which looks at what other outcomes lead to, too
         except Inconclusive:
             pass
         else:
-            second = Judge(exploration).facts()
             require_agreement(answers, second)
             answers = second  # whose runs are the shortest ones
     return _reported(answers, compiled, options)

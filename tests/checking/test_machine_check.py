@@ -45,6 +45,15 @@ def test_a_runner_that_nothing_triggers() -> None:
     ]
 
 
+def test_what_an_outcome_that_cannot_occur_would_lead_to_may_be_too_much() -> None:
+    """The search is only a second opinion then: z3 has decided."""
+    after = [f"a SUCCEEDED {each}" for each in "bcdefghijk"]
+    lines = ("start SUCCEEDED a", *after, "b SUCCEEDED end")
+    (report,) = gpsfsm.check(machine(*lines), assume=["never succeeds: a"]).plans
+    assert report.verdict == "rejected"
+    assert {"GP304", "GP306"} <= {finding.rule for finding in report.findings}
+
+
 def test_a_machine_that_always_gives_up() -> None:
     found = said("start SUCCEEDED a", "a SUCCEEDED lost", "a FAILED lost")
     assert found[0] == (
