@@ -118,6 +118,7 @@ site: $(VENV)/installed-docs  ## the documentation site, into build/site; a brok
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 site-version: $(VENV)/installed-docs  ## the same as a version of the branch gh-pages: VERSION=0.2
+	@test -n "$(VERSION)" || { echo 'which version? make site-version VERSION=0.2' >&2; exit 2; }
 	NO_MKDOCS_2_WARNING=1 PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/mike deploy --update-aliases $(VERSION) latest
 	$(BIN)/mike set-default latest
 
