@@ -337,7 +337,7 @@ def test_without_the_library_it_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "zmq", None)
     assert main(["run", tree_file, "--groot", "1667"]) == 2
-    message = "gpsfsm: --groot needs pyzmq: pip install 'gpsfsm[groot]'\n"
+    message = "gpsfsm: --groot needs pyzmq: pip install 'gpsfsm[groot]', or '.[groot]' in a clone\n"
     assert capsys.readouterr() == ("", message)
     assert main(["run", tree_file, "--failure", "0"]) == 0  # which needs none of it
 
