@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -15,6 +17,11 @@ from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Verdict
 from tests.fixing.support import fixed, go, say
 
+if TYPE_CHECKING:
+    from gpsfsm.fixing.draft import Draft
+    from gpsfsm.model.report import PlanReport
+
+_PROVIDER = ' provider="nav2_capabilities/WaypointRunner"'
 _RUNNER = '<Runner interface="{name}" provider="{name}" {words}/>'
 _DEAD = f'<Plan>\n  <Control type="recovery">\n    {go(1, 3)}\n  </Control>\n</Plan>\n'
 
@@ -156,6 +163,43 @@ def test_one_bad_proposal_does_not_spoil_the_others(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(engine, "all_fixers", lambda: (Fixer("some", ("GP112",), some),))
     assert [fix.title for fix in fixed(text).applied] == ["good"]
+
+
+def test_many_fixes_are_made_whatever_a_report_lists() -> None:
+    """Of a rule a report lists a hundred findings; here most of those cannot be fixed."""
+    unknown = '<Runner interface="a/B"/>' * 150
+    goes = "".join(go(1, place).replace(_PROVIDER, "") for place in range(120))
+    result = fixed(f"<Plan>{unknown}{goes}</Plan>")
+    assert [fix.rule for fix in result.applied] == ["GP107"] * 120
+    assert result.before - result.after == 120
+    assert sum(finding.rule == "GP107" for finding in result.report.findings) == 100
+    assert result.text.count(_PROVIDER) == 120
+
+
+def test_few_checks_lead_to_the_bad_one_of_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = [say("a").replace("/>", f" pitch='{int(place == 40)}'/>") for place in range(64)]
+
+    def some(draft: Draft) -> list[Fix]:
+        places = [match.start() for match in re.finditer(" pitch='[01]'", draft.text)]
+        return [
+            Fix(
+                "GP203", "drop", each + 1, (Edit(each, each + 10, "<" * int(draft.text[each + 8])),)
+            )
+            for each in places
+        ]
+
+    checks: list[str] = []
+
+    def checked(text: str, path: str, options: CheckOptions) -> PlanReport:
+        checks.append(text)
+        return check_text(text, path, options)
+
+    monkeypatch.setattr(engine, "check_text", checked)
+    monkeypatch.setattr(engine, "all_fixers", lambda: (Fixer("some", ("GP203",), some),))
+    result = fixed(f"<Plan>{''.join(said)}</Plan>")
+    assert len(result.applied) == 63
+    assert result.text.count("pitch") == 1
+    assert len(checks) < 30
 
 
 def test_hostile_texts_end() -> None:
