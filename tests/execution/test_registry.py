@@ -388,7 +388,7 @@ def test_what_gpsfsm_has_code_for_is_run_by_it_whatever_the_file_of_a_robot_name
     theirs = replace(described, runner="capabilities2_runner::PromptTextRunner")
     library = replace(BUILT_IN, providers=(theirs,))
     chosen = Maker(library, via=elsewhere).runner_class(name, name)
-    assert chosen.__module__ == "gpsfsm.runners.prompting.real"
+    assert chosen.__module__ == "gpsfsm.runners.prompting"
 
 
 def test_another_server_starts_what_its_runners_depend_on() -> None:

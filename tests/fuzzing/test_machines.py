@@ -18,10 +18,9 @@ from gpsfsm.execution.records import Status
 from gpsfsm.fuzzing import Act, Fate, Run, TimedScenario, play, run_campaign, subject_of
 from gpsfsm.fuzzing.campaign_report import CampaignOptions, campaign_report, case_report
 from gpsfsm.fuzzing.cases import case_text, read_case, scenario_in
-from gpsfsm.fuzzing.machine_mutants import MachineRows, machine_mutations
-from gpsfsm.fuzzing.machine_runs import MachineRun
-from gpsfsm.fuzzing.mutation import Notice, mutate
+from gpsfsm.fuzzing.mutation import MachineRows, Notice, machine_mutations, mutate
 from gpsfsm.fuzzing.properties import default_properties, find_property
+from gpsfsm.fuzzing.runs import MachineRun
 from gpsfsm.fuzzing.subject import VISITS, draw
 from gpsfsm.model.event import End
 from tests.analysis.machines.random_machines import machine, machines

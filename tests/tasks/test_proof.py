@@ -15,10 +15,10 @@ from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.errors import InternalError
 from gpsfsm.model.event import Outcome
 from gpsfsm.tasks.deciding import Basis, Effort, decide_task
+from gpsfsm.tasks.following import Settled
 from gpsfsm.tasks.load import formula_text
 from gpsfsm.tasks.monitor import Matching, RuleMonitor
 from gpsfsm.tasks.proof import played, problem_text, suspect
-from gpsfsm.tasks.settled import Settled
 from gpsfsm.tasks.task import Pattern, Task
 from tests.oracle import P, par_all, par_any, plan, rec, seq
 from tests.strategies import constraints
