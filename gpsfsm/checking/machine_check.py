@@ -25,7 +25,7 @@ from gpsfsm.analysis.options import DEFAULT_RLIMIT, SECOND_OPINION, Inconclusive
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import Tie
-from gpsfsm.model.choice import OWN
+from gpsfsm.model.capability import OWN
 from gpsfsm.model.report import By, Frequency, Proof
 from gpsfsm.model.story import Vocabulary
 

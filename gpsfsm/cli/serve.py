@@ -12,22 +12,27 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._help import Command, Section, declare, declare_file
-from gpsfsm.cli._log import LogValues, log_options
 from gpsfsm.cli._model import model_options
 from gpsfsm.cli._options import (
-    AllowValues,
     LibraryValues,
     NumberRange,
-    allow_options,
     apply,
     config_options,
     library_options,
-    permissions,
     read_values,
+)
+from gpsfsm.cli._running import (
+    AllowValues,
+    LogValues,
+    RegenerationValues,
+    allow_options,
+    log_options,
+    permissions,
+    regeneration_options,
     ros_option,
     ros_settings,
+    wanted,
 )
-from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options
 from gpsfsm.errors import UsageError
 from gpsfsm.running.bounds import PERMISSIONS
 
@@ -429,7 +434,6 @@ def _runs(
 ) -> dict[str, Any]:
     """The settings of runs, for the process that runs the plans."""
     from gpsfsm.cli._model import run_model_settings
-    from gpsfsm.cli._regenerate import wanted
 
     options: dict[str, Any] = {**allowed}
     if values.action_timeout is not None:

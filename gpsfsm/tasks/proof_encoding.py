@@ -33,9 +33,8 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.encode import TRUE, Encoding, conjunction, disjunction, negation
 from gpsfsm.model.automaton import PAPER, NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
-from gpsfsm.tasks.following import Follower, States
+from gpsfsm.tasks.following import Follower, Settled, States, waits
 from gpsfsm.tasks.ltlf import TooLarge
-from gpsfsm.tasks.settled import Settled, waits
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

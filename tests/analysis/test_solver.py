@@ -34,7 +34,9 @@ def test_known_answers_of_fanout(variant: str, size: int, solver: str) -> None:
     assert facts is not None
     gives_up, effect = VARIANTS[variant]
     assert facts.gives_up == gives_up  # the first and the last runner are unguarded
-    assert [found.effect for found in facts.join_deadlocks] == ([effect] if effect else [])
+    assert [join_deadlock.effect for join_deadlock in facts.join_deadlocks] == (
+        [effect] if effect else []
+    )
     assert facts.unreachable == ()
 
 

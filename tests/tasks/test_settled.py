@@ -10,8 +10,8 @@ from hypothesis import event, given
 from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.compile import compile_plan
 from gpsfsm.tasks.counterexample import Plays
+from gpsfsm.tasks.following import Settled
 from gpsfsm.tasks.ltlf import TooLarge
-from gpsfsm.tasks.settled import Settled
 from tests.oracle import P, par_all, par_any, plan, rec, seq
 from tests.support import plan_of
 from tests.tasks.test_deciding import small_plans

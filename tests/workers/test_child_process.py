@@ -45,9 +45,9 @@ while True:
 
 @pytest.fixture
 def child() -> Iterator[ChildProcess]:
-    found = ChildProcess([sys.executable, "-I", "-c", CODE], silent=True)
-    yield found
-    found.end()
+    child_process = ChildProcess([sys.executable, "-I", "-c", CODE], silent=True)
+    yield child_process
+    child_process.end()
 
 
 def test_answers_come_in_the_order_of_the_questions(child: ChildProcess) -> None:

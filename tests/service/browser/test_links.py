@@ -31,11 +31,11 @@ _WRITTEN = "(hash) => location.hash === hash"
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     journal = tmp_path_factory.mktemp("links") / "queue.db"
     words = ("--journal", journal, "--durability", "process", "--workers", "1")
-    with Service(*words, "--world", WORLD) as found:
-        with found.client() as client:  # run 1, to which links lead
+    with Service(*words, "--world", WORLD) as server:
+        with server.client() as client:  # run 1, to which links lead
             answer = client.post("/v1/plans", json={"plan": TWO})
             ended(client, answer.json()["plan_id"])
-        yield found
+        yield server
 
 
 def test_a_time_of_a_run_is_the_same_in_another_browser(service: Service, live: Open) -> None:
