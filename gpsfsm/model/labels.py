@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.capability import CHOICE, TICK
-from gpsfsm.model.plan import line_words
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary
 
@@ -89,8 +88,7 @@ def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
             name, parameters = "choice", [brief(element.text("of") or "", MAX_LABEL)]
         elif element.interface == TICK:
             name = "tick"
-        place = line_words(f"line {element.line}", element.file)
-        lines = [clip(name, MAX_LABEL), ", ".join(parameters), place]
+        lines = [clip(name, MAX_LABEL), ", ".join(parameters), element.where]
         return tuple(line for line in lines if line)
     return (node.kind.value.replace("_", " "),)
 
@@ -120,7 +118,7 @@ def control_label(element: Element) -> str:
     name = element.text("name")
     if name:
         words.append(f"“{clip(name, MAX_LABEL)}”")
-    words.append(f"({line_words(f'line {element.line}', element.file)})")
+    words.append(f"({element.where})")
     return " ".join(words)
 
 
