@@ -99,15 +99,18 @@ class GraphPane {
     sized.observe(this.box);
     const print = () => this.print();
     const paper = matchMedia("print"); // its colours are there only when this changes
-    const printed = () => (paper.matches ? this.print() : this.printed());
+    const printed = () => this.printed();
+    const changed = () => (paper.matches ? this.print() : this.printed());
     addEventListener("beforeprint", print);
-    paper.addEventListener("change", printed);
+    addEventListener("afterprint", printed);
+    paper.addEventListener("change", changed);
     this.stops = [
       () => theme.removeEventListener("change", recolor),
       () => themed.disconnect(),
       () => sized.disconnect(),
       () => removeEventListener("beforeprint", print),
-      () => paper.removeEventListener("change", printed),
+      () => removeEventListener("afterprint", printed),
+      () => paper.removeEventListener("change", changed),
       store.subscribe(["plan"], () => this.changePlan()),
       store.subscribe(["collapsed", "layout"], (state, changed) => changed.has("plan") || this.refold()),
       store.subscribe(["element", "node", "finding"], () => this.follow()),

@@ -223,7 +223,7 @@ function namesOf({ label, last }) {
 
 // The name, or else the line, of a control.
 function nameOf(label) {
-  const [, name = label] = /“(.+)”/.exec(label) || /\((line \d+)\)$/.exec(label) || [];
+  const [, name = label] = /“(.+)”/.exec(label) || /\((line [\d:]+)\)$/.exec(label) || [];
   return name;
 }
 

@@ -10,6 +10,7 @@ const LONGEST_SIDE = 8192;
 const LONGEST_NAME = 80;
 const KEPT_MS = 20_000;
 const SAID_MS = 1500;
+const CONTROL = /[\x00-\x1f\x7f-\x9f]/; // a terminal would obey it
 
 // savedPart(pane) -> {left, top, width, height, zoom}: the whole picture, or what is in view of it.
 export function savedPart({ camera, picture }) {
@@ -134,8 +135,9 @@ export function findingText(store, number) {
   const { line, column, severity, rule, message, hint, related } = plan.findings[number];
   const place = (at) => (at > 0 ? `${plan.name}:${at}` : plan.name);
   const head = line > 0 && column > 0 ? `${place(line)}:${column}` : place(line);
+  const title = [severity, rule, rules[rule]?.name].filter(Boolean).join(" ");
   return [
-    `${head}: ${severity} ${rule} ${rules[rule]?.name || ""}: ${message}`.replace(" :", ":"),
+    `${head}: ${title}: ${message}`,
     ...(hint ? [`  hint: ${hint}`] : []),
     ...related.map((one) => `  ${place(one.line)}: ${one.message}`),
     "",
@@ -169,12 +171,14 @@ export function findingCopies(store, number) {
 // Of a plan: its text, and the command that checks it in the same way, where that is known.
 export function planCopies(store) {
   const { check } = store.document;
+  const { name } = store.plan;
   return el(
     "span",
     { class: "copies" },
     copyButton("Copy", "Copy the text of the plan", () => store.plan.source || ""),
     check !== undefined &&
-      copyButton("Copy command", "Copy command: it checks this plan in the same way", () => checkCommand(store.plan.name, check)),
+      !CONTROL.test(name) &&
+      copyButton("Copy command", "Copy command: it checks this plan in the same way", () => checkCommand(name, check)),
   );
 }
 

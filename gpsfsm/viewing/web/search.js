@@ -1,7 +1,7 @@
 // The search over elements: labels, names, parameters, paths, line numbers and rules.
 
 import { clipText, debounce, el, replaceContent, visibleText } from "./dom.js";
-import { elementSign } from "./words.js";
+import { elementSign, lineWords } from "./words.js";
 
 const SHOWN = 60;
 const MOST_HITS = 2000;
@@ -86,7 +86,7 @@ export function mountSearch(container, store) {
       },
       el("span", { class: "sign" }, elementSign(found)),
       el("span", { class: "hit-text" }, clipText(visibleText(text.filter(Boolean).join(" ")), 120)),
-      el("span", { class: "hit-line" }, `line ${found.line}`),
+      el("span", { class: "hit-line" }, lineWords(store.plan, found)),
     );
   }
 

@@ -217,6 +217,7 @@ const NONE = Object.freeze([]);
 //   elementAt(line, column)   the innermost element at a place (from 1), -1 if none
 //   findingsOf(element)  indices of the findings whose place is the element
 //   findingsAt(line)     indices of the findings on a line
+//   isShared(line)       true if several runners, or elements called alike, begin on a line
 //   outputs(node)        indices of the edges that leave a node, inputs(node) of those that enter
 //   isInside(element, outer)
 export function planIndex(plan) {
@@ -243,7 +244,14 @@ function makeIndex(plan) {
   const findingLines = new Map();
   const outputs = new Map();
   const inputs = new Map();
-  plan.elements.forEach((element, number) => put(children, element.parent, number));
+  const columns = new Map(); // where the last one of a name begins on a line
+  const shared = new Set();
+  plan.elements.forEach((element, number) => {
+    put(children, element.parent, number);
+    const name = `${element.line} ${element.kind === "runner" ? "" : element.label}`;
+    if ((columns.get(name) ?? element.column) !== element.column) shared.add(element.line);
+    columns.set(name, element.column);
+  });
   if (plan.automaton) {
     plan.automaton.nodes.forEach((node, number) => put(nodes, node.element, number));
     groups.forEach((group, number) => group.element >= 0 && groupOf.set(group.element, number));
@@ -264,6 +272,7 @@ function makeIndex(plan) {
     childrenOf: (element) => children.get(element) || NONE,
     findingsOf: (element) => findings.get(element) || NONE,
     findingsAt: (line) => findingLines.get(line) || NONE,
+    isShared: (line) => shared.has(line),
     outputs: (node) => outputs.get(node) || NONE,
     inputs: (node) => inputs.get(node) || NONE,
     elementAt: lineFinder(plan.elements),

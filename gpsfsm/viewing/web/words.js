@@ -2,6 +2,7 @@
 // run. Everything that has a colour has a sign as well, so that the page can be read without colours.
 
 import { clipText, visibleText } from "./dom.js";
+import { planIndex } from "./state.js";
 
 export const SEVERITIES = {
   error: { letter: "E", word: "error" },
@@ -110,16 +111,27 @@ export function endSentence(plan, status) {
   return plan.elements[0]?.path === "/machine" ? sentence.replace("the plan", "the machine") : sentence;
 }
 
+// "line 4", or "line 1:88" where elements share a line
+export function lineWords(plan, { line, column }) {
+  return column > 0 && planIndex(plan).isShared(line) ? `line ${line}:${column}` : `line ${line}`;
+}
+
 // "SpeechRunner (text=Hello.) at line 4"
 export function nodeWords(plan, number) {
+  const element = plan.elements[plan.automaton?.nodes[number]?.element];
+  return nodeName(plan, number) + (element ? ` at ${lineWords(plan, element)}` : "");
+}
+
+// "SpeechRunner (text=Hello.)"
+export function nodeName(plan, number) {
   const node = plan.automaton && plan.automaton.nodes[number];
   if (!node) return "";
   const element = plan.elements[node.element];
   if (!element) return node.label.join(" ");
   const name = element.name ? ` “${visibleText(element.name)}”` : "";
-  if (node.kind === "join") return `${element.label}${name} at line ${element.line}`;
+  if (node.kind === "join") return `${element.label}${name}`;
   const detail = element.detail ? ` (${clipText(visibleText(element.detail), 60)})` : "";
-  return `${visibleText(element.label)}${name || detail} at line ${element.line}`;
+  return `${visibleText(element.label)}${name || detail}`;
 }
 
 function isChoice(plan, number) {

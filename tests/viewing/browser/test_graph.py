@@ -222,7 +222,7 @@ def flat() -> dict[str, Any]:
     recovery = f'<Control type="recovery">{_RUNNER}</Control>'
     room = '<Control type="parallel_all" name="room {}">' + 2 * _RUNNER + "</Control>"
     rooms = (f"{room.format(n)}{recovery}{_RUNNER}{recovery}" for n in range(60))
-    return document_of(f"<Plan>{''.join(rooms)}</Plan>")
+    return document_of("\n".join(["<Plan>", *rooms, "</Plan>"]))
 
 
 def test_a_flat_plan_opens_at_its_beginning_and_its_overview_can_be_read(report: Open) -> None:

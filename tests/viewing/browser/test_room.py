@@ -187,6 +187,24 @@ def test_on_paper_the_automaton_has_the_width_of_the_sheet(report: Open) -> None
         page.emulate_media(media="screen")
 
 
+def test_after_printing_the_automaton_is_as_it_was(report: Open) -> None:
+    """Also where the browser only says that it has printed."""
+    camera = """() => {
+      const { pan, zoom, onPaper } = document.querySelector('.graph-touch').gpsfsmGraph.camera;
+      return { pan: { ...pan }, zoom, onPaper };
+    }"""
+    with report(of(DOOR)) as opened:
+        opened.page.get_by_label("Zoom in (+)").click()
+        opened.page.wait_for_timeout(400)
+        before = opened.page.evaluate(camera)
+        opened.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        opened.drawn()
+        assert opened.page.evaluate(camera)["onPaper"]
+        opened.page.evaluate("dispatchEvent(new Event('afterprint'))")
+        opened.drawn()
+        assert opened.page.evaluate(camera) == before
+
+
 def test_on_paper_a_long_name_is_no_wider_than_the_sheet(report: Open) -> None:
     document = of(DOOR)
     named = document["plans"][0] | {"name": f"/plans/{'of_the_house_' * 20}.xml"}

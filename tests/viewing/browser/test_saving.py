@@ -231,3 +231,22 @@ def test_the_command_finds_the_same(browser: Browser, tmp_path: Path) -> None:
     assert sorted(re.findall(rb'"rule": ?"(GP\d+)"', done.stdout)) == sorted(
         rule.encode() for rule in shown
     )
+
+
+def test_messages_are_copied_as_they_are(report: Open) -> None:
+    document = document_of('<Plan><Runner interface="a/B" provider="a/B"/></Plan>')
+    document["plans"][0]["findings"][0]["message"] = "a : b :c"
+    with report(document) as opened_report:
+        opened_report.page.evaluate(_SPY)
+        opened_report.page.locator(".finding-head").first.click()
+        text = copied(opened_report, "Copy the finding as text")
+        assert ": a : b :c\n" in text
+
+
+@pytest.mark.parametrize(("name", "offered"), [("a b.xml", 1), ("a\x01b.xml", 0), ("a\nb.xml", 0)])
+def test_no_command_holds_what_a_terminal_obeys(name: str, offered: int, report: Open) -> None:
+    document = document_of('<Plan><Runner interface="a/B" provider="a/B"/></Plan>')
+    document["plans"][0]["name"] = name
+    with report(document | {"check": ""}) as opened_report:
+        assert opened_report.page.get_by_role("button", name="Copy command").count() == offered
+        assert opened_report.page.get_by_role("button", name="Copy the text").count() == 1
