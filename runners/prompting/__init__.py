@@ -120,8 +120,9 @@ class SpeechPrompt(Prompt):
         )
 
     @classmethod
-    def outputs(cls, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:  # noqa: ARG003
+    def outputs(cls, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:
         """The words."""
+        del buffered
         return {"text": answer}
 
 
@@ -145,8 +146,9 @@ class PlanPrompt(Prompt):
         return "\n".join(parts)
 
     @classmethod
-    def outputs(cls, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:  # noqa: ARG003
+    def outputs(cls, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:
         """The plan."""
+        del buffered
         return {"ReceivedPlan": answer}
 
 

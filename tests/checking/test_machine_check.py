@@ -8,7 +8,7 @@ import pytest
 
 import gpsfsm
 from gpsfsm.analysis.constraints import constraints_of
-from gpsfsm.analysis.options import DEFAULT_RLIMIT, AnalysisOptions, Inconclusive
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, AnalysisOptions, InconclusiveError
 from gpsfsm.checking import machine_check
 from gpsfsm.checking.machine_check import ANALYSES, DecidedMachine, decide_machine
 from gpsfsm.compile import compile_plan
@@ -463,7 +463,7 @@ def test_overlaps_that_cannot_be_decided_are_said_to_be_open(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def beyond(*_: object) -> None:
-        raise Inconclusive
+        raise InconclusiveError
 
     monkeypatch.setattr("gpsfsm.checking.machine_check.overlap_findings", beyond)
     (report,) = gpsfsm.check(machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")).plans

@@ -13,7 +13,7 @@ from gpsfsm.execution.records import Status
 from gpsfsm.execution.replay import Comparing, simulate_again
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.generation.language_model import ModelError
-from gpsfsm.generation.service import Answers, AskingInterrupted
+from gpsfsm.generation.service import Answers, AskingInterruptedError
 from gpsfsm.simulation.makers import world_maker, world_services
 from gpsfsm.simulation.world import Answer as Said
 from gpsfsm.simulation.world import Settings
@@ -203,7 +203,7 @@ def test_the_model_answers_and_not_the_world_file() -> None:
 def test_an_interrupted_request_waits_to_be_stopped() -> None:
     def interrupted(asking):
         asking.close()
-        raise AskingInterrupted
+        raise AskingInterruptedError
 
     answers = Answers(service(Scripted(["late"])), wait=interrupted)
     text = plan(runner("PromptText", text="a", flush="true"))

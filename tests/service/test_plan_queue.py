@@ -16,7 +16,7 @@ from gpsfsm.service.endpoints import plans
 from gpsfsm.service.plan_queue import PlanQueueClient
 from gpsfsm.service.settings import Settings
 from gpsfsm.service.shapes import Problem
-from gpsfsm.workers.frames import Gone
+from gpsfsm.workers.frames import GoneError
 from tests.service.support import GOOD, Service
 
 
@@ -29,7 +29,7 @@ class Ending(PlanQueueClient):
 
     async def _ask(self, head: dict[str, Any], body: bytes) -> dict[str, Any]:
         self.operations.append(head["op"])
-        raise Gone("has ended")
+        raise GoneError("has ended")
 
 
 @pytest.mark.parametrize(("once", "times"), [(False, 2), (True, 1)])

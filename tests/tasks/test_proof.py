@@ -9,7 +9,7 @@ from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.constraints import constraints_of
-from gpsfsm.analysis.options import DEFAULT_RLIMIT, Inconclusive
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, InconclusiveError
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.errors import InternalError
@@ -203,7 +203,7 @@ def test_without_a_proof_the_search_decides_and_that_is_said(effort: dict) -> No
 def test_a_text_that_is_too_long_is_not_read() -> None:
     problem = Problem(plan("demo/A", "demo/D"), task_of([("A",), ("D",)]))
     _, text = problem_text(problem.compiled, problem.constraints, [problem.demand])
-    with pytest.raises(Inconclusive):
+    with pytest.raises(InconclusiveError):
         suspect(problem.compiled, problem.constraints, [problem.demand], rlimit=10 * len(text) - 1)
 
 

@@ -62,7 +62,7 @@ class Chance:
 @given(
     count=st.integers(0, 120),
     killers=st.sets(st.integers(0, 119), max_size=6),
-    names=st.sets(st.integers(0, 119), max_size=40),
+    failing=st.sets(st.integers(0, 119), max_size=40),
     sizes=st.tuples(st.integers(1, 30), st.integers(1, 5)),
     seed=st.integers(0, 1000),
 )

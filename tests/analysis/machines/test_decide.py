@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import gpsfsm
 from gpsfsm.analysis.machines.decide import Answers, Judge
 from gpsfsm.analysis.machines.search import Exploration
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.event import Outcome
@@ -126,7 +126,7 @@ def test_orphans_are_active_after_completion() -> None:
 
 def test_a_machine_with_too_many_configurations_is_inconclusive() -> None:
     automaton = automaton_of(machine(*(f"start SUCCEEDED r{number}" for number in range(9))))
-    with pytest.raises(Inconclusive):
+    with pytest.raises(InconclusiveError):
         Exploration(automaton, [PLAIN] * 9, limit=500)
     assert len(Exploration(automaton, [PLAIN] * 9, limit=513).configurations) == 512
 
