@@ -50,6 +50,7 @@ def test_a_plan_that_is_refused_fails_and_is_reported(tmp_path: Path) -> None:
         ({"paths": "plans", "arguments": "--max-elements=1"}, 2),
         ({"paths": "plans", "arguments": "--no-such-option"}, 2),
         ({"paths": "--help"}, 2),
+        ({"paths": "plans", "arguments": "--help"}, 2),
         ({"paths": "plans; true\n$(true)", "arguments": "`true`"}, 2),
     ],
 )

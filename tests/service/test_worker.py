@@ -37,7 +37,9 @@ if TYPE_CHECKING:
         (Problem(429, "later", retry_s=3), 429),
     ],
 )
-def test_whatever_happens_is_answered(error: Exception, status: int) -> None:
+def test_whatever_happens_is_answered(
+    capsys: pytest.CaptureFixture[str], error: Exception, status: int
+) -> None:
     def work(_request: object, _plan: bytes, _context: object) -> Any:
         raise error
 
@@ -46,6 +48,9 @@ def test_whatever_happens_is_answered(error: Exception, status: int) -> None:
     judgement, body = do(broken, raw=False, body=b'{"plan": ""}', context=context)
     assert judgement == status
     assert json.loads(body)["status"] == status
+    written = capsys.readouterr().err
+    assert ("test_worker.py" in written) is (status == 500), "a defect is logged with its place"
+    assert "oh" not in written
 
 
 def test_memory_has_an_end() -> None:
