@@ -101,12 +101,14 @@ class GraphPane {
     const paper = matchMedia("print"); // its colours are there only when this changes
     const printed = () => (paper.matches ? this.print() : this.printed());
     addEventListener("beforeprint", print);
+    addEventListener("afterprint", printed);
     paper.addEventListener("change", printed);
     this.stops = [
       () => theme.removeEventListener("change", recolor),
       () => themed.disconnect(),
       () => sized.disconnect(),
       () => removeEventListener("beforeprint", print),
+      () => removeEventListener("afterprint", printed),
       () => paper.removeEventListener("change", printed),
       store.subscribe(["plan"], () => this.changePlan()),
       store.subscribe(["collapsed", "layout"], (state, changed) => changed.has("plan") || this.refold()),

@@ -296,7 +296,8 @@ class Page {
     const store = this.draftStage.show(found);
     if (store) {
       store.subscribe(["element", "line", "finding"], (state) => this.selected(store, state));
-      if (this.draft.code()) store.link = (place) => this.address.link({ draft: this.draft.code(), finding: findingKey(store.plan, place) });
+      const draft = this.draft.code(); // of the text that was checked, which may have changed since
+      if (draft) store.link = (place) => this.address.link({ draft, finding: findingKey(store.plan, place) });
     }
     if (this.shown === "draft") {
       this.showPlan(store, this.draftPlayer());

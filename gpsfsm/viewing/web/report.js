@@ -104,7 +104,7 @@ class ReportPage {
     const isOfTask = store.state.playOrigin?.kind === "task";
     const isPlayed = play && (isOfTask || store.plan.plays[store.plan.findings[number]?.play] === play);
     // A finding has chosen its element already, and a play goes from one to the next.
-    const isOwn = play || store.plan.findings[number]?.element === store.state.element ;
+    const isOwn = play || store.plan.findings[number]?.element === store.state.element;
     return {
       plan: this.first === "plan" ? undefined : store.state.plan + 1,
       finding: findingKey(store.plan, number),

@@ -132,7 +132,7 @@ export function commonFolder(names) {
   const [first, ...others] = names;
   const isShared = (folder) => others.every((name) => name.startsWith(folder));
   let folder = first.slice(0, first.lastIndexOf("/") + 1);
-  while (folder && !isShared(folder)) folder = folder.slice(0, folder.lastIndexOf("/", folder.length - 2) + 1);
+  while (folder && !isShared(folder)) folder = folder.slice(0, folder.slice(0, -1).lastIndexOf("/") + 1);
   return folder;
 }
 

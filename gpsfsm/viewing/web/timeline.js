@@ -2,7 +2,8 @@
 // waited, and how each came to its end. It is read off the history of a run (history.js), so that a
 // scenario, a diff and a run on the live page show the same.
 //
-//   mountTimeline(container, {history, folded, position, at, onSeek, onSelect}) -> {update, refold, destroy}
+//   mountTimeline(container, {plan, history, folded, position, length, times, onSeek, onSelect})
+//     -> {rowsInView, update, refold, destroy}
 //
 // Scenarios are drawn step by step, runs by their seconds. What is folded in the automaton is one row.
 
@@ -329,7 +330,6 @@ export function mountTimeline(container, { plan, history, folded, position, leng
   rebuild();
   move();
   return {
-    element: box,
     rowsInView,
     update,
     refold() {
