@@ -65,13 +65,13 @@ export class Watch {
 
   async open(number) {
     const { signal } = this.closing;
-    const found = await this.client.get(`/v1/runs/${number}?records=${RECORDS_AT_ONCE}`, { signal });
-    this.info = found;
-    this._prepare(found);
-    for (const record of found.records) this._take(record);
-    if (found.next) await this._catchUp(found.next);
-    if (isOpen(found.status) && found.plan_id) {
-      const status = await this.client.get(`/v1/plans/${found.plan_id}`, { signal });
+    const run = await this.client.get(`/v1/runs/${number}?records=${RECORDS_AT_ONCE}`, { signal });
+    this.info = run;
+    this._prepare(run);
+    for (const record of run.records) this._take(record);
+    if (run.next) await this._catchUp(run.next);
+    if (isOpen(run.status) && run.plan_id) {
+      const status = await this.client.get(`/v1/plans/${run.plan_id}`, { signal });
       if (!isOpen(status.status)) await this._catchUp(this.lastSeq); // it has ended meanwhile
       this._heard(status);
     }
@@ -92,19 +92,19 @@ export class Watch {
     }
   }
 
-  _prepare(found) {
-    this.length = found.length_us || 0;
-    if (found.world_at) {
-      this.scene = createScene(found.world_at, {
-        begun_s: found.begun_s || 0,
-        pose: found.pose,
-        closed: found.closed_zones,
+  _prepare(run) {
+    this.length = run.length_us || 0;
+    if (run.world_at) {
+      this.scene = createScene(run.world_at, {
+        begun_s: run.begun_s || 0,
+        pose: run.pose,
+        closed: run.closed_zones,
       });
     } else if (this.real) {
       this.scene = createScene(openWorld());
     }
-    if (!found.view) return;
-    const store = createStore(withoutPlays(unpack(found.view)));
+    if (!run.view) return;
+    const store = createStore(withoutPlays(unpack(run.view)));
     this.store = store;
     if (this.automaton) {
       this.player = new Player(this.automaton);
@@ -273,7 +273,7 @@ export class Watch {
   }
 }
 
-// What is played here is the run. The scenarios of the findings are told all the same.
+// What is played here is the run. The scenarios of the findings are still described.
 function withoutPlays(document) {
   const plans = document.plans.map((plan) => {
     const findings = plan.findings.map((finding) => {
