@@ -592,10 +592,8 @@ def admission_of(
             allowed[number] = common
     if not all(allowed):
         raise UsageError(_NO_SCENARIO)
-    constraints = replace(
-        tied,
-        allowed=tuple(allowed),
-        no_start=any(Outcome.NO_START in each for each in allowed),
-        hang=any(Outcome.HANG in each for each in allowed),
+    no_start, hang = (
+        any(outcome in each for each in allowed) for outcome in (Outcome.NO_START, Outcome.HANG)
     )
+    constraints = replace(tied, allowed=tuple(allowed), no_start=no_start, hang=hang)
     return Admission(compiled, fates, constraints)

@@ -199,7 +199,8 @@ def start_traces(wanted: bool | None, environment: Mapping[str, str] | None = No
     try:
         return Traces(_provider(around))
     except ValueError as error:  # of a variable that OpenTelemetry itself reads
-        raise UsageError(f"OpenTelemetry cannot start with these OTEL_ variables: {error}") from None
+        what = "OpenTelemetry cannot start with these OTEL_ variables"
+        raise UsageError(f"{what}: {error}") from None
     except ImportError as error:
         if wanted:
             raise UsageError(f"--otel needs OpenTelemetry: {_INSTALL} ({error})") from error

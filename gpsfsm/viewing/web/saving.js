@@ -135,9 +135,9 @@ export function findingText(store, number) {
   const { line, column, severity, rule, message, hint, related } = plan.findings[number];
   const place = (at) => (at > 0 ? `${plan.name}:${at}` : plan.name);
   const head = line > 0 && column > 0 ? `${place(line)}:${column}` : place(line);
-  const title = [severity, rule, rules[rule]?.name].filter(Boolean).join(" ");
+  const words = [severity, rule, rules[rule]?.name].filter(Boolean).join(" ");
   return [
-    `${head}: ${title}: ${message}`,
+    `${head}: ${words}: ${message}`,
     ...(hint ? [`  hint: ${hint}`] : []),
     ...related.map((one) => `  ${place(one.line)}: ${one.message}`),
     "",
@@ -168,18 +168,21 @@ export function findingCopies(store, number) {
   );
 }
 
-// Of a plan: its text, and the command that checks it in the same way, where that is known.
+// Of a plan: its text, and the command that checks it in the same way, where the page has its options.
+// There is none for a name with control characters, with which a terminal does something else.
 export function planCopies(store) {
   const { check } = store.document;
-  const { name } = store.plan;
-  return el(
-    "span",
-    { class: "copies" },
-    copyButton("Copy", "Copy the text of the plan", () => store.plan.source || ""),
-    check !== undefined &&
-      !CONTROL.test(name) &&
-      copyButton("Copy command", "Copy command: it checks this plan in the same way", () => checkCommand(name, check)),
-  );
+  const copies = el("span", { class: "copies" }, copyButton("Copy", "Copy the text of the plan", () => store.plan.source || ""));
+  if (check === undefined) return copies;
+  const title = "Copy command: it checks this plan in the same way";
+  const command = copyButton("Copy command", title, () => checkCommand(store.plan.name, check));
+  const show = () => {
+    command.hidden = CONTROL.test(store.plan.name);
+  };
+  copies.append(command);
+  store.subscribe(["plan"], show);
+  show();
+  return copies;
 }
 
 // "gpsfsm check --engine ros1 'door check.xml'"

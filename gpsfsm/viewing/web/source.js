@@ -109,7 +109,7 @@ export function mountSource(container, store) {
     const tokens = json ? colorJson(points) : colorLine(points, inComment);
     const folds = json ? foldedJson(points) : foldedParts(tokens, points);
     const own = (marks.get(line) || []).map((mark) => ({ ...mark, start: mark.start - before, end: mark.end - before }));
-    const found = [];
+    const spans = [];
     for (const token of tokens) {
       const cuts = [...own, ...folds];
       for (const [start, end, severity] of cutByMarks(token, cuts)) {
@@ -121,10 +121,10 @@ export function mountSource(container, store) {
         const indent = start === 0 && !points.slice(0, end).join("").trim() && "indent";
         const classes = [token.kind && `xml-${token.kind}`, severity && `mark ${severity}`, folded, indent];
         const attributes = { class: classes, dataset: { column: before + start + 1 } };
-        found.push(el("span", attributes, visibleText(points.slice(start, end).join(""))));
+        spans.push(el("span", attributes, visibleText(points.slice(start, end).join(""))));
       }
     }
-    return found;
+    return spans;
   }
 
   function rowClasses(number) {
@@ -150,11 +150,11 @@ export function mountSource(container, store) {
   }
 
   function placeOf(event) {
-    const found = event.target.closest("[data-line]");
-    if (!found) return null;
+    const row = event.target.closest("[data-line]");
+    if (!row) return null;
     const piece = event.target.closest("[data-column]");
     const column = piece ? Number(piece.dataset.column) : Infinity;
-    return { line: Number(found.dataset.line), column };
+    return { line: Number(row.dataset.line), column };
   }
 
   function onClick(event) {
@@ -339,17 +339,17 @@ function markupParts(text, from, to) {
   let at = from;
   TOKENS.lastIndex = from;
   const add = (start, end, kind) => end > start && parts.push([start, end, kind]);
-  for (let found = TOKENS.exec(text); found && found.index < to; found = TOKENS.exec(text)) {
-    const end = Math.min(to, found.index + found[0].length);
-    add(at, found.index, "");
-    if (found[1]) {
-      add(found.index, found.index + found[1].length, "bracket");
-      add(found.index + found[1].length, end, "tag");
+  for (let match = TOKENS.exec(text); match && match.index < to; match = TOKENS.exec(text)) {
+    const end = Math.min(to, match.index + match[0].length);
+    add(at, match.index, "");
+    if (match[1]) {
+      add(match.index, match.index + match[1].length, "bracket");
+      add(match.index + match[1].length, end, "tag");
     } else {
-      add(found.index, end, found[3] ? "value" : found[4] ? "name" : "bracket");
+      add(match.index, end, match[3] ? "value" : match[4] ? "name" : "bracket");
     }
     at = end;
-    if (end === found.index) TOKENS.lastIndex += 1;
+    if (end === match.index) TOKENS.lastIndex += 1;
   }
   add(at, to, "");
   return parts;

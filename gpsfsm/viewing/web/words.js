@@ -139,31 +139,6 @@ function isChoice(plan, number) {
   return Boolean(node) && plan.elements[node.element].type === "choice";
 }
 
-// -- how far a runner is, as it says: names end with their units, "distance_left_m" ----------------
-
-const UNITS = { _m_per_s: ["m/s", 2], _m: ["m", 1], _s: ["s", 0], _percent: ["%", 0] };
-const MOST_FIELDS = 4;
-
-function fieldWords(name, value) {
-  if (typeof value !== "number") return `${name.replaceAll("_", " ")} ${clipText(visibleText(String(value)), 60)}`;
-  const suffix = Object.keys(UNITS).find((each) => name.endsWith(each));
-  const words = (suffix ? name.slice(0, -suffix.length) : name).split("_");
-  const exact = Number.isInteger(value) ? value : Number(value.toPrecision(6));
-  const amount = suffix ? `${value.toFixed(UNITS[suffix][1])} ${UNITS[suffix][0]}` : String(exact);
-  if (words[words.length - 1] !== "left") return [...words, amount].join(" ");
-  const rest = words.slice(0, -1).filter((each) => each !== "distance" && each !== "time");
-  return [amount, ...rest, "left"].join(" ");
-}
-
-// "1.2 m left, 12 s left"
-export function feedbackWords(data) {
-  const fields = Object.entries(data).filter(([name]) => name !== "feedback" && name !== "world");
-  return fields
-    .slice(0, MOST_FIELDS)
-    .map(([name, value]) => fieldWords(clipText(visibleText(name), 60), value))
-    .join(", ");
-}
-
 // A join of the paper's automaton is the success or the failure of its control; those of engines
 // are only joins.
 function joinSentence(plan, number, count) {

@@ -113,6 +113,25 @@ def test_a_draft_goes_with_its_link(service: Service, live: Open) -> None:
         assert page.editor.input_value() == "<Plan/>"
 
 
+def test_the_link_of_a_finding_is_that_of_the_text_it_was_found_in(
+    service: Service, live: Open
+) -> None:
+    edit_and_copy = """() => {
+      const area = document.querySelector(".editor-text");
+      area.value += " ";
+      area.dispatchEvent(new Event("input", { bubbles: true }));
+      document.querySelector("[aria-label='Copy a link to this finding']").click();
+    }"""
+    with live(service.address) as page:
+        page.write(TWO)
+        page.page.evaluate(_SPY)
+        page.page.get_by_role("button", name="Copy link: it opens this text").click()
+        link = page.page.evaluate("() => globalThis.copied")
+        page.page.locator(".details .finding-head").last.click()
+        page.page.evaluate(edit_and_copy)
+        assert page.page.evaluate("() => globalThis.copied").startswith(f"{link}&finding=")
+
+
 def test_a_text_that_fits_in_no_link_has_none(service: Service, live: Open) -> None:
     noise = "".join(f"{number * 2654435761 % 2**32:08x}" for number in range(3_000))
     with live(service.address) as page:

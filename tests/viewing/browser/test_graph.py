@@ -126,6 +126,21 @@ def test_keys_move_zoom_and_fold(report: Open) -> None:
         assert page.evaluate(_FOLDED) == [0]
 
 
+def test_after_printing_the_automaton_is_what_it_was(report: Open) -> None:
+    """Some browsers tell a page of printing by two events alone."""
+    paper = f"() => {_GRAPH}.camera.onPaper"
+    with report(tour()) as open_report:
+        page = open_report.page
+        open_report.press("3", "+", "ArrowLeft")
+        before = view(open_report)
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        assert page.evaluate(paper)
+        assert view(open_report)["zoom"] != before["zoom"]
+        page.evaluate("dispatchEvent(new Event('afterprint'))")
+        assert not page.evaluate(paper)
+        assert view(open_report) == pytest.approx(before)
+
+
 def test_two_fingers_zoom(report: Open) -> None:
     touch = """(steps) => {
       const one = document.querySelector('.graph-touch');

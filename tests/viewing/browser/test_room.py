@@ -187,24 +187,6 @@ def test_on_paper_the_automaton_has_the_width_of_the_sheet(report: Open) -> None
         page.emulate_media(media="screen")
 
 
-def test_after_printing_the_automaton_is_as_it_was(report: Open) -> None:
-    """Also where the browser only says that it has printed."""
-    camera = """() => {
-      const { pan, zoom, onPaper } = document.querySelector('.graph-touch').gpsfsmGraph.camera;
-      return { pan: { ...pan }, zoom, onPaper };
-    }"""
-    with report(of(DOOR)) as opened:
-        opened.page.get_by_label("Zoom in (+)").click()
-        opened.page.wait_for_timeout(400)
-        before = opened.page.evaluate(camera)
-        opened.page.evaluate("dispatchEvent(new Event('beforeprint'))")
-        opened.drawn()
-        assert opened.page.evaluate(camera)["onPaper"]
-        opened.page.evaluate("dispatchEvent(new Event('afterprint'))")
-        opened.drawn()
-        assert opened.page.evaluate(camera) == before
-
-
 def test_on_paper_a_long_name_is_no_wider_than_the_sheet(report: Open) -> None:
     document = of(DOOR)
     named = document["plans"][0] | {"name": f"/plans/{'of_the_house_' * 20}.xml"}
@@ -430,6 +412,16 @@ def test_the_folder_of_several_plans_is_told_once(report: Open) -> None:
         assert box["width"] > 300
         words.fill("robot/plans/b")
         assert opened.texts(".summary .plan-link") == ["b/door.json"]
+
+
+def test_a_whole_path_and_a_relative_one_have_no_folder_in_common(report: Open) -> None:
+    document = of(DOOR, MACHINE)
+    names = ["/home/robot/door.xml", "plans/door.json"]
+    for plan, name in zip(document["plans"], names, strict=True):
+        plan["name"] = name
+    with report(document) as opened:
+        assert opened.texts(".summary .plan-link") == names
+        assert " in " not in opened.text(".summary-totals")
 
 
 def test_what_is_searched_for_comes_before_what_only_resembles_it(report: Open) -> None:
