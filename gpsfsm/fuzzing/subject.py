@@ -510,10 +510,7 @@ class Admission:
             fates[each] = fate if same else self._of_outcome(each, fate.outcome)
 
     def _solved_for(self, fates: Sequence[Fate], source: random.Random) -> dict[int, Outcome]:
-        """Outcomes of the instances that formulas speak of: one after the other stays or changes.
-
-        The order is drawn, so that it is not always the same ones that change.
-        """
+        """Outcomes of the instances of formulas: each stays or changes, in an order drawn."""
         from gpsfsm.analysis.solver import InconclusiveError
 
         solver, names = self._solver
