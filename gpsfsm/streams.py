@@ -356,7 +356,7 @@ def check_writable(output_file: str, inputs: Iterable[str]) -> None:
         return
     target = os.path.realpath(output_file)
     if any(os.path.realpath(path) == target for path in inputs):
-        raise UsageError(f"--output {output_file} would overwrite a plan")
+        raise UsageError(f"writing {output_file} would overwrite a plan")
     with _explained(output_file):
         if Path(target).is_dir():
             raise IsADirectoryError(0, "it is a folder")

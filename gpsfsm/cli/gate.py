@@ -138,7 +138,7 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     inputs = list(find_inputs(values.paths, values.field))
     wanted = _wanted(values)
     plans = [each.file for each in inputs if not each.stdin]
-    for _, file in wanted:
+    for file in (*(file for _, file in wanted), *filter(None, (values.summary,))):
         check_writable(file, plans)
     with (
         Gate(

@@ -198,12 +198,13 @@ class Row:
     """A row over all tasks, in the numbers that a paper prints.
 
     ``counts`` are success, partial and failed; ``times`` are mean and deviation in hundredths of a
-    second, None where no time counts.
+    second, None where no time counts. ``undecided`` answers, which no paper has, are none of these.
     """
 
     names: tuple[str, str, str]
     counts: tuple[int, int, int]
     times: tuple[int, int] | None
+    undecided: int = 0
 
     @classmethod
     def of(cls, group: Group) -> Row:
@@ -214,22 +215,28 @@ class Row:
         rounded = None
         if times is not None:
             rounded = _hundredths(times.mean), _hundredths(times.deviation or 0.0)
-        return cls((system, model, prompt), (success, partial, failed), rounded)
+        undecided = group.summary.grades.get(Grade.UNDECIDED, 0)
+        return cls((system, model, prompt), (success, partial, failed), rounded, undecided)
 
     @property
     def answers(self) -> int:
         """The number of answers that count."""
-        return sum(self.counts)
+        return sum(self.counts) + self.undecided
 
     @property
     def grades_text(self) -> str:
         """Counts and their sum, as ``46/3/0 (49)``."""
-        return "/".join(map(str, self.counts)) + f" ({self.answers})"
+        undecided = f", {self.undecided} undecided" if self.undecided else ""
+        return "/".join(map(str, self.counts)) + f" ({self.answers}{undecided})"
 
     @property
     def times_text(self) -> str:
         """Mean and deviation, as ``2.16 ± 0.73``; a hyphen where there are none."""
         return "-" if self.times is None else " ± ".join(f"{each / 100:.2f}" for each in self.times)
+
+    def same_counts(self, other: Row) -> bool:
+        """True if all counts are equal, and with them the number of answers."""
+        return (*self.counts, self.undecided) == (*other.counts, other.undecided)
 
     def same_times(self, other: Row) -> bool:
         """True if mean and deviation are equal to a hundredth: both tables are rounded."""
@@ -298,10 +305,10 @@ def comparison(published: Sequence[Row], rows: Mapping[tuple[str, str, str], Row
             shown.append([*cells, "no answers here", "", "", ""])
             continue
         both.append((row, ours))
-        counts = "equal" if row.counts == ours.counts else "differ"
+        counts = "equal" if row.same_counts(ours) else "differ"
         times = "equal" if row.same_times(ours) else "differ"
         shown.append([*cells, ours.grades_text, ours.times_text, counts, times])
-    counted = sum(row.counts == ours.counts for row, ours in both)
+    counted = sum(row.same_counts(ours) for row, ours in both)
     timed = sum(row.same_times(ours) for row, ours in both)
     rows_here = f"{len(both)} of {len(published)} published rows have answers here: "
     equal = f"{counted} with equal counts, {timed} with times that are equal to 0.01 s"

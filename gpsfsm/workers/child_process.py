@@ -192,6 +192,10 @@ class ChildProcess:
 
 def _kill_all(pid: int) -> None:
     """Kill a child that was not waited for, with all below it: these may hold its pipes."""
+    if not hasattr(os, "killpg"):  # Windows: no groups, and no signal but an end at once
+        with suppress(OSError):
+            os.kill(pid, signal.SIGTERM)
+        return
     kill_below(pid, itself=True)
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(pid, signal.SIGKILL)

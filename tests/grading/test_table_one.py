@@ -9,7 +9,15 @@ import pytest
 from gpsfsm.errors import InputError
 from gpsfsm.grading.experiment import Answer, Cell, Key
 from gpsfsm.grading.grader import Grade
-from gpsfsm.grading.table_one import Evaluation, agreement_lines, evaluate, table
+from gpsfsm.grading.table_one import (
+    Evaluation,
+    Row,
+    agreement_lines,
+    comparison,
+    evaluate,
+    rows_of,
+    table,
+)
 from tests.oracle import plan, to_xml
 
 TASK = "interface: GoRunner\nplaces: {A: {x: 1}}\nsteps: [{do: A}]\n"
@@ -73,7 +81,12 @@ def test_a_file_that_is_gone_is_undecided_and_a_task_that_is_not_there_an_error(
 ) -> None:
     replies = answers(tmp_path, ("a", 1, 1, GOOD), ("a", 2, 1, GOOD))
     Path(str(replies[0].path)).unlink()
-    assert evaluate(replies, str(tmp_path))[0].graded.grade is Grade.UNDECIDED
+    graded = evaluate(replies, str(tmp_path))
+    assert graded[0].graded.grade is Grade.UNDECIDED
+    published = Row(("s", "a", "p"), (0, 1, 0), (150, 71))
+    _, _, row, _, totals = comparison([published], rows_of(table(graded)))
+    assert "| 0/1/0 (2, 1 undecided) | 1.50 ± 0.71 | differ | equal |" in row
+    assert totals.startswith("1 of 1 published rows have answers here: 0 with equal counts")
     (tmp_path / "task2.yaml").unlink()
     with pytest.raises(InputError, match=r"task2\.yaml: there is no such file"):
         evaluate(replies, str(tmp_path))

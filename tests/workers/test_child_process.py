@@ -80,6 +80,22 @@ def test_a_program_that_is_not_there() -> None:
         ChildProcess(["/no/such/program"], silent=True)
 
 
+def test_a_child_ends_where_there_are_no_process_groups(
+    child: ChildProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on Windows, which has none of these names."""
+
+    def missing(*_: object, **__: object) -> None:
+        raise AttributeError("module 'signal' has no attribute 'SIGKILL'")
+
+    with monkeypatch.context() as patched:
+        patched.delattr(os, "killpg")
+        patched.setattr(child_module, "kill_below", missing)
+        child.send({"wait": 1})
+        child.end()
+    assert not child.alive
+
+
 def test_who_says_what_is_no_message_is_killed() -> None:
     code = "import os, time; os.read(0, 8); os.write(1, b'\\xff' * 100); time.sleep(600)"
     child = ChildProcess([sys.executable, "-I", "-c", code], silent=True)

@@ -287,8 +287,8 @@ ENDPOINTS = (
         also=(_NONE, _OFF),
     ),
     _endpoint("pause", "Pause a running plan", PauseRequest),
-    _endpoint("resume", "Let it go on", ResumeRequest),
-    _endpoint("step", "Step it by single events", StepRequest),
-    _endpoint("speed", "Change its speed", SpeedRequest),
-    _endpoint("fail", "Make one of its active runners fail", FailRequest),
+    _endpoint("resume", "Resume a paused plan", ResumeRequest),
+    _endpoint("step", "Step a paused plan by single events", StepRequest),
+    _endpoint("speed", "Change the speed of a plan", SpeedRequest),
+    _endpoint("fail", "Make an active runner of a plan fail", FailRequest),
 )
