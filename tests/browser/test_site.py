@@ -26,8 +26,8 @@ PAGES = ("tutorial/index.html", "experiments.html", "rules/GP303.html")
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with launched() as found:
-        yield found
+    with launched() as chromium:
+        yield chromium
 
 
 @pytest.fixture(scope="module")

@@ -41,8 +41,8 @@ def tour() -> dict[str, Any]:
 
 def view(report: Report) -> dict[str, float]:
     report.drawn()
-    found: dict[str, float] = report.page.evaluate(_VIEW)
-    return found
+    camera: dict[str, float] = report.page.evaluate(_VIEW)
+    return camera
 
 
 def item(report: Report, node: int) -> tuple[float, float]:
@@ -292,7 +292,7 @@ _COVERED = f"""() => {{
       .filter(([, each]) => left < each.right && right > each.left
         && top < each.bottom && bottom > each.top)
       .map(([name]) => name),
-    told: [...document.querySelectorAll('.story li.current')].map((line) => {{
+    sentences: [...document.querySelectorAll('.story li.current')].map((line) => {{
       const {{ x, bottom }} = line.getBoundingClientRect();
       return document.elementFromPoint(x + 30, bottom - 4)?.closest('li') === line;
     }}),
@@ -304,18 +304,18 @@ def test_what_happens_in_a_step_is_in_view_and_nothing_covers_it(report: Open) -
     with report(tour(), size=(1280, 800)) as open_report:
         open_report.page.locator(".finding", has_text="GP303").locator(".finding-play").click()
         open_report.page.get_by_label("To the start").click()
-        told = 0
+        sentences = 0
         steps = open_report.step()[1]
         assert steps > 10
         for _ in range(steps):
             open_report.press(".")
             open_report.page.wait_for_timeout(450)  # the view and the overview have moved
-            found = open_report.page.evaluate(_COVERED)
-            assert not found["outside"]
-            assert found["covered"] == []
-            assert all(found["told"])
-            told += len(found["told"])
-        assert told >= 10  # in the list and in the bar
+            drawn = open_report.page.evaluate(_COVERED)
+            assert not drawn["outside"]
+            assert drawn["covered"] == []
+            assert all(drawn["sentences"])
+            sentences += len(drawn["sentences"])
+        assert sentences >= 10  # in the list and in the bar
         assert "give up" in open_report.page.evaluate(
             f"() => {_GRAPH}.picture().items[{_GRAPH}.picture().itemOf[{_STORE}.state.node]].lines"
         )

@@ -64,8 +64,8 @@ def of(*files: str, diff: bool = False) -> dict[str, Any]:
 def zooms(report: Report) -> list[float]:
     report.drawn()
     report.page.wait_for_timeout(300)  # until the view has moved there
-    found: list[float] = report.page.evaluate(_ZOOMS)
-    return found
+    zooms: list[float] = report.page.evaluate(_ZOOMS)
+    return zooms
 
 
 @pytest.mark.parametrize("size", [(1440, 900), (1240, 800), (1024, 768), (390, 844)])
@@ -386,8 +386,8 @@ def test_the_end_is_told_in_the_words_of_what_ends(report: Open) -> None:
 
 def test_a_few_findings_are_told_in_full(report: Open) -> None:
     with report(of(MACHINE)) as opened:
-        told = opened.texts(".finding-message")
-        assert len(told) == len(set(told)) == 4
+        messages = opened.texts(".finding-message")
+        assert len(messages) == len(set(messages)) == 4
         cut = "(all) => all.filter((one) => one.scrollHeight > one.clientHeight + 1).length"
         assert opened.page.locator(".finding-message").evaluate_all(cut) == 0
 
