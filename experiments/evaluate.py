@@ -75,7 +75,7 @@ def _run(chosen: argparse.Namespace) -> int:
         read_rows_of_table,
         written,
     )
-    from gpsfsm.streams import MANY, progress_bar
+    from gpsfsm.progress import MANY, progress_bar
 
     if chosen.paper:
         chosen.corrupted = chosen.corrupted or str(PAPER / "corrupted.csv")

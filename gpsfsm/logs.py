@@ -1,7 +1,8 @@
 """Logs of long-running processes: events on standard error, for people or as JSON.
 
-An event has a level, a name, a message and fields. As text it is ``gpsfsm:`` and its message; as
-JSON it is an object on a line of its own, with its time and all fields. A thread writes, so that a
+An event has a level, a name, a message and fields. As text it is ``gpsfsm:`` and its message, and
+for a defect where that is in the source; as JSON it is an object on a line of its own, with its
+time and all fields. A thread writes, so that a
 terminal or pipe that takes nothing more cannot hold up whoever serves a robot: when too many lines
 wait, further ones are counted and dropped. Messages and fields never hold tokens or texts of plans.
 
@@ -77,6 +78,8 @@ class Log:
     def _line(self, level: Level, name: str, message: str, fields: dict[str, Any]) -> str:
         if self.format == "text":
             first, *others = message.splitlines() or [""]
+            if name not in _FOREIGN:
+                others += [f"at {place}" for place in fields.get("stack", ())]
             first = f"{now()} {first}" if name == REQUEST else first
             # Indented: no line of a message, whatever is in it, looks like an event of its own.
             return "".join(f"{line}\n" for line in (_PREFIX + first, *(f"  {x}" for x in others)))

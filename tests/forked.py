@@ -92,24 +92,24 @@ class Forked(subprocess.Popen[bytes]):
         words = [module, *arguments]
         super().__init__(words, stdin=stdin, stdout=stdout, stderr=stderr)
 
-    def _execute_child(self, *given: Any) -> None:
+    def _execute_child(self, *details: Any) -> None:
         """Called by Popen, which has made the pipes."""
-        pipes = given[10:16]
+        pipes = details[10:16]
         standard = (pipes[0], pipes[3], pipes[5])
         files = [number if used == -1 else used for number, used in enumerate(standard)]
         self._line = socket.socket(socket.AF_UNIX)
         self._line.connect(_address(os.getpid()))
         socket.send_fds(self._line, [_frame(self._wish)], files)
         self._close_pipe_fds(*pipes)  # type: ignore[attr-defined]
-        self.pid = self._told()
+        self.pid = self._status()
 
-    def _told(self) -> int:
+    def _status(self) -> int:
         return int(struct.unpack("!i", _exactly(self._line, 4))[0])
 
     def _internal_poll(self, *_: object, **__: object) -> int | None:
         with self._waitpid_lock:  # type: ignore[attr-defined]  # several threads may ask at once
             if self.returncode is None and select.select([self._line], [], [], 0)[0]:
-                self.returncode = self._told()
+                self.returncode = self._status()
                 self._line.close()
         return self.returncode
 
@@ -133,14 +133,14 @@ def run_forked(
 ) -> subprocess.CompletedProcess[bytes]:
     """``python -m MODULE ARGUMENTS…``, to its end. Raises TimeoutExpired, as ``run`` does."""
     new = tempfile.TemporaryFile  # no pipes: what the process leaves behind may hold them open
-    with new() as given, new() as out, new() as errors:
-        given.write(stdin)
-        given.seek(0)
+    with new() as child, new() as out, new() as errors:
+        child.write(stdin)
+        child.seek(0)
         with Forked(
             arguments,
             cwd=cwd,
             environment=environment,
-            stdin=given,
+            stdin=child,
             stdout=out,
             stderr=errors,
             module=module,
@@ -167,13 +167,13 @@ def _frame(wish: Mapping[str, object]) -> bytes:
 
 
 def _exactly(line: socket.socket, most: int) -> bytes:
-    found = b""
-    while len(found) < most:
-        part = line.recv(most - len(found))
+    output = b""
+    while len(output) < most:
+        part = line.recv(most - len(output))
         if not part:
             raise RuntimeError("the process that forks others has ended")
-        found += part
-    return found
+        output += part
+    return output
 
 
 @cache
@@ -288,8 +288,8 @@ def serve(number: int) -> None:
 
 def _tell_of_ends(lines: dict[socket.socket, int]) -> None:
     for line, child in list(lines.items()):
-        found, status = os.waitpid(child, os.WNOHANG)
-        if found:
+        pid, status = os.waitpid(child, os.WNOHANG)
+        if pid:
             del lines[line]
             _tell(line, os.waitstatus_to_exitcode(status))
 

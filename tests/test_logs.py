@@ -124,6 +124,13 @@ def test_a_failure_shows_where_and_not_what(capsys: pytest.CaptureFixture[str]) 
     (row,) = rows(written)
     assert (row["error"], row["endpoint"]) == ("ValueError", "check")
     assert PLAN not in written
+    with logs.writing("info", "text"):
+        logs.failure("request_failed", "the request failed", raised(), endpoint="check")
+    written = capsys.readouterr().err
+    message, place, *_ = written.splitlines()
+    assert message == "gpsfsm: the request failed"
+    assert re.fullmatch(r"  at .*test_logs\.py:[0-9]+ raised", place)
+    assert PLAN not in written
 
 
 def test_the_lines_of_a_child_are_events(capsys: pytest.CaptureFixture[str]) -> None:

@@ -101,13 +101,13 @@ def test_goals_inside_recoveries_are_told(shared_corpus: Path) -> None:
     reports = checked(root / "fabric")
     for row in rows:
         report = reports[row["path"].removeprefix("fabric/")]
-        found = {finding.rule for finding in report.findings}
+        rules = {finding.rule for finding in report.findings}
         if row["shape"] == "F008" or row["path"].endswith("gpt-4o/zeroshot/task3/05.xml"):
-            assert "GP310" in found, row["path"]
+            assert "GP310" in rules, row["path"]
         elif row["shape"] == "F011":
-            assert "GP307" in found, row["path"]
+            assert "GP307" in rules, row["path"]
         if row["human"] == "S":
-            assert not found & {"GP307", "GP310"}, row["path"]
+            assert not rules & {"GP307", "GP310"}, row["path"]
 
 
 def test_every_raw_answer_gets_a_verdict(shared_corpus: Path) -> None:

@@ -69,6 +69,7 @@ class Core:
         self.draining = asyncio.Event()
         self._writable = True
         self._looked_s = float("-inf")
+        self._looking: asyncio.Future[bool] | None = None
         self.streams = Share(settings.streams)
         self.generating = Share(settings.generating)
         self._reading = asyncio.Semaphore(1)
@@ -195,12 +196,12 @@ class Core:
         now_s = asyncio.get_running_loop().time()
         if now_s - self._looked_s > _LOOK_S:
             self._looked_s = now_s
-            looking = asyncio.to_thread(_writable, self.settings.journal)
-            try:
-                async with asyncio.timeout(_DISK_S):
-                    self._writable = await looking
-            except TimeoutError:  # of a network, say, which is gone
-                self._writable = False
+            # A disk of a network that is gone holds up a look for ever: one thread, and no more.
+            if self._looking is None or self._looking.done():
+                looking = asyncio.to_thread(_writable, self.settings.journal)
+                self._looking = asyncio.ensure_future(looking)
+            await asyncio.wait({self._looking}, timeout=_DISK_S)
+            self._writable = self._looking.done() and self._looking.result()
         return self._writable
 
     async def close(self) -> None:

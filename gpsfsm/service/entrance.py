@@ -65,7 +65,7 @@ class Entrance:
                 raise
             finally:
                 route = getattr(scope.get(ENDPOINT), "path", "")
-                span.answered(scope["method"], route, passage.status)
+                span.answered(scope["method"], route, passage.status, address_of(scope))
                 passage.log(span.trace_id)
 
     def _locate(self, scope: Scope) -> str:

@@ -154,11 +154,15 @@ class RequestSpan:
             return None
         return format(self._span.get_span_context().trace_id, "032x")
 
-    def answered(self, method: str, route: str, status: int) -> None:
-        """Note how it was answered; ``route`` is "" where nothing stands."""
+    def answered(self, method: str, route: str, status: int, address: str) -> None:
+        """Note how it was answered; ``route`` is "" where nothing stands.
+
+        ``address`` is that of the client, which a trusted proxy may have named since.
+        """
         if self._span is None:
             return
         self._span.set_attribute("http.response.status_code", status)
+        self._span.set_attribute("client.address", address)
         if route:
             self._span.set_attribute("http.route", route)
             self._span.update_name(f"{method} {route}")
@@ -186,13 +190,17 @@ def start_traces(wanted: bool | None, environment: Mapping[str, str] | None = No
     if exporter != "otlp":
         what = f"OTEL_TRACES_EXPORTER is '{exporter[:40]}'"
         raise UsageError(f"{what}, but gpsfsm exports traces as otlp only; set otlp or none")
-    for name in _PROTOCOLS:
-        protocol = around.get(name, "").strip() or "http/protobuf"
-        if protocol != "http/protobuf":
-            what = f"{name} is '{protocol[:40]}'"
-            raise UsageError(f"{what}, but gpsfsm speaks http/protobuf only (usually port 4318)")
+    # That of traces counts for traces; the other one may be for what else is exported.
+    chosen = next((name for name in _PROTOCOLS if around.get(name, "").strip()), "")
+    protocol = around.get(chosen, "").strip() or "http/protobuf"
+    if protocol != "http/protobuf":
+        what = f"{chosen} is '{protocol[:40]}'"
+        raise UsageError(f"{what}, but gpsfsm speaks http/protobuf only (usually port 4318)")
     try:
         return Traces(_provider(around))
+    except ValueError as error:  # of a variable that OpenTelemetry itself reads
+        what = "OpenTelemetry cannot start with these OTEL_ variables"
+        raise UsageError(f"{what}: {error}") from None
     except ImportError as error:
         if wanted:
             raise UsageError(f"--otel needs OpenTelemetry: {_INSTALL} ({error})") from error

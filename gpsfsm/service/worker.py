@@ -17,6 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm import logs
 from gpsfsm.analysis.options import DEFAULT_TOTAL_RLIMIT
 from gpsfsm.api import CheckSettings
 from gpsfsm.checking.option_table import OPTIONS
@@ -94,6 +95,7 @@ def do(wanted: Endpoint, raw: bool, body: bytes, context: WorkerContext) -> tupl
         if is_out_of_memory(error):
             return 503, Problem(503, _NO_MEMORY).body()
         message = f"the request failed ({type(error).__name__}); this is a defect of gpsfsm"
+        logs.failure("request_failed", message, error, endpoint=wanted.name)
         return 500, Problem(500, message).body()
 
 

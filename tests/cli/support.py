@@ -130,8 +130,8 @@ def shell(command: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
     ``$NEW_GPSFSM`` is a process that the shell itself starts: one that is forked gets none of the
     limits and further files that the shell hands on, and needs its first three files to be open.
     """
-    known = {"$GPSFSM": '"$PROGRAM"', "$NEW_GPSFSM": '"$BEGIN" -m gpsfsm'}
-    for name, words in known.items():
+    replacements = {"$GPSFSM": '"$PROGRAM"', "$NEW_GPSFSM": '"$BEGIN" -m gpsfsm'}
+    for name, words in replacements.items():
         command = command.replace(name, words)
     done = subprocess.run(
         ["sh", "-c", command],

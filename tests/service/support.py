@@ -78,8 +78,8 @@ class Service:
         for words in self.process.stderr:
             line = words.decode("utf-8", "replace")
             self.said.append(line)
-            if (found := _ADDRESS.search(line)) is not None:
-                self.address = found[1]
+            if (match := _ADDRESS.search(line)) is not None:
+                self.address = match[1]
                 self._ready.set()
         self._ready.set()
 
@@ -125,7 +125,7 @@ class Service:
 
     def children(self) -> dict[int, str]:
         """The processes of the service, with their commands."""
-        found = {}
+        results = {}
         for place in Path("/proc").iterdir():
             try:
                 fields = (place / "stat").read_text().rpartition(")")[2].split()
@@ -135,8 +135,8 @@ class Service:
             except OSError:
                 continue
             if int(fields[1]) == self.process.pid and fields[0] != "Z":
-                found[int(place.name)] = command
-        return found
+                results[int(place.name)] = command
+        return results
 
     def __enter__(self) -> Self:
         return self.start()
@@ -162,16 +162,16 @@ def ended(client: httpx.Client, plan: str, *, within_s: float = 60) -> dict[str,
     while time.monotonic() < until_s:
         answer = client.post(f"/v1/plans/{plan}/completion", json={"wait_s": 10})
         assert answer.status_code == 200, answer.text
-        found: dict[str, Any] = answer.json()
-        if found["ended"]:
-            return found
+        document: dict[str, Any] = answer.json()
+        if document["ended"]:
+            return document
     raise AssertionError(f"plan {plan} has not ended")
 
 
 def events(client: httpx.Client, plan: str, after: int = 0) -> list[tuple[str, str, Any]]:
     """The events of a plan until its end: kind, id and data."""
     headers = {"last-event-id": str(after)} if after else {}
-    found = []
+    results = []
     with client.stream("GET", f"/v1/plans/{plan}/events", headers=headers) as answer:
         assert answer.status_code == 200
         kind = number = ""
@@ -182,9 +182,9 @@ def events(client: httpx.Client, plan: str, after: int = 0) -> list[tuple[str, s
             elif name == "id":
                 number = value
             elif name == "data":
-                found.append((kind, number, json.loads(value)))
+                results.append((kind, number, json.loads(value)))
                 number = ""
-    return found
+    return results
 
 
 def nested_trees(depth: int, width: int = 2) -> str:

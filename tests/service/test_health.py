@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import threading
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -73,6 +74,29 @@ def test_a_disk_without_room_is_a_reason(tmp_path: Path, monkeypatch: pytest.Mon
     assert not core_module._writable(str(journal))
 
 
+def test_a_disk_that_does_not_answer_takes_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers, looks = threading.Event(), list[str]()
+
+    def look(journal: str) -> bool:
+        looks.append(journal)
+        return answers.wait(60)
+
+    monkeypatch.setattr(core_module, "_writable", look)
+    monkeypatch.setattr(core_module, "_DISK_S", 0.01)
+    monkeypatch.setattr(core_module, "_LOOK_S", 0.0)
+
+    async def tried() -> None:
+        core = core_module.Core(Settings(journal="/gone/queue.db"))
+        assert [await core._journal_writable() for _ in range(5)] == [False] * 5
+        assert looks == ["/gone/queue.db"]
+        answers.set()
+        assert core._looking is not None
+        await core._looking
+        assert await core._journal_writable()
+
+    asyncio.run(tried())
+
+
 def test_a_queue_that_is_gone_is_a_reason_until_it_is_back(tmp_path: Path) -> None:
     with (
         Service("--journal", tmp_path / "q.db", "--workers", "1") as service,
@@ -119,7 +143,7 @@ def test_what_is_about_to_close_is_not_ready(tmp_path: Path) -> None:
     """Without ``--drain`` it says so to the connections that are still there."""
     settings = Settings(workers=1)
 
-    async def asked() -> list[str]:
+    async def statuses() -> list[str]:
         core = core_module.Core(settings)
         try:
             await core.start()
@@ -129,4 +153,4 @@ def test_what_is_about_to_close_is_not_ready(tmp_path: Path) -> None:
         finally:
             await core.close()
 
-    assert asyncio.run(asked()) == ["draining"]
+    assert asyncio.run(statuses()) == ["draining"]

@@ -108,9 +108,9 @@ def attributes(pairs: Any) -> dict[str, Any]:
 
 @pytest.fixture
 def collector() -> Iterator[Collector]:
-    found = Collector()
-    yield found
-    found.close()
+    result = Collector()
+    yield result
+    result.close()
 
 
 class Traced(Service):
@@ -196,6 +196,15 @@ def test_errors_and_unknown_methods(collector: Collector, tmp_path: Path) -> Non
     assert {each["service.name"] for each in collector.resources} == {"gate-of-hall-3"}
 
 
+def test_a_client_behind_a_trusted_proxy_is_the_one_that_is_named(collector: Collector) -> None:
+    around = {"OTEL_EXPORTER_OTLP_ENDPOINT": collector.url}
+    with Traced(around, "--workers", "1", "--trust-proxy", "127.0.0.1") as service:
+        with service.client(headers={"x-forwarded-for": "203.0.113.9"}) as client:
+            assert client.get("/v1/rules/GP101").status_code == 200
+        assert service.stop() == 0
+    assert collector.named("GET /v1/rules/{rule}")["is"]["client.address"] == "203.0.113.9"
+
+
 def test_who_is_not_sampled_is_not_recorded(collector: Collector, tmp_path: Path) -> None:
     around = {"OTEL_EXPORTER_OTLP_ENDPOINT": collector.url}
     with Traced(around, "--workers", "1") as service:
@@ -270,6 +279,14 @@ def test_spans_of_another_process_keep_their_times_and_parents() -> None:
         (True, {"OTEL_TRACES_EXPORTER": "none"}, False),
         (True, {}, True),
         (None, {"OTEL_EXPORTER_OTLP_TRACES_ENDPOINT": "http://x"}, True),
+        (
+            True,
+            {
+                "OTEL_EXPORTER_OTLP_PROTOCOL": "grpc",
+                "OTEL_EXPORTER_OTLP_TRACES_PROTOCOL": "http/protobuf",
+            },
+            True,
+        ),
     ],
 )
 def test_what_turns_them_on(wanted: bool | None, around: dict[str, str], on: bool) -> None:
@@ -288,6 +305,15 @@ def test_what_turns_them_on(wanted: bool | None, around: dict[str, str], on: boo
 def test_what_it_cannot_do_it_says(around: dict[str, str], names: str) -> None:
     with pytest.raises(UsageError, match=f"{names} is '(console|grpc)', but gpsfsm"):
         start_traces(True, around)
+
+
+@pytest.mark.parametrize("name", ["OTEL_BSP_MAX_QUEUE_SIZE", "OTEL_SPAN_ATTRIBUTE_COUNT_LIMIT"])
+def test_a_variable_that_opentelemetry_refuses_is_no_defect(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv(name, "-1")
+    with pytest.raises(UsageError, match="OpenTelemetry cannot start with these OTEL_ variables: "):
+        start_traces(True, {})
 
 
 def test_without_the_extra_it_says_how_to_get_it(

@@ -126,6 +126,21 @@ def test_keys_move_zoom_and_fold(report: Open) -> None:
         assert page.evaluate(_FOLDED) == [0]
 
 
+def test_after_printing_the_automaton_is_what_it_was(report: Open) -> None:
+    """Some browsers tell a page of printing by two events alone."""
+    paper = f"() => {_GRAPH}.camera.onPaper"
+    with report(tour()) as open_report:
+        page = open_report.page
+        open_report.press("3", "+", "ArrowLeft")
+        before = view(open_report)
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        assert page.evaluate(paper)
+        assert view(open_report)["zoom"] != before["zoom"]
+        page.evaluate("dispatchEvent(new Event('afterprint'))")
+        assert not page.evaluate(paper)
+        assert view(open_report) == pytest.approx(before)
+
+
 def test_two_fingers_zoom(report: Open) -> None:
     touch = """(steps) => {
       const one = document.querySelector('.graph-touch');
@@ -222,7 +237,7 @@ def flat() -> dict[str, Any]:
     recovery = f'<Control type="recovery">{_RUNNER}</Control>'
     room = '<Control type="parallel_all" name="room {}">' + 2 * _RUNNER + "</Control>"
     rooms = (f"{room.format(n)}{recovery}{_RUNNER}{recovery}" for n in range(60))
-    return document_of(f"<Plan>{''.join(rooms)}</Plan>")
+    return document_of("\n".join(["<Plan>", *rooms, "</Plan>"]))
 
 
 def test_a_flat_plan_opens_at_its_beginning_and_its_overview_can_be_read(report: Open) -> None:

@@ -414,6 +414,16 @@ def test_the_folder_of_several_plans_is_told_once(report: Open) -> None:
         assert opened.texts(".summary .plan-link") == ["b/door.json"]
 
 
+def test_a_whole_path_and_a_relative_one_have_no_folder_in_common(report: Open) -> None:
+    document = of(DOOR, MACHINE)
+    names = ["/home/robot/door.xml", "plans/door.json"]
+    for plan, name in zip(document["plans"], names, strict=True):
+        plan["name"] = name
+    with report(document) as opened:
+        assert opened.texts(".summary .plan-link") == names
+        assert " in " not in opened.text(".summary-totals")
+
+
 def test_what_is_searched_for_comes_before_what_only_resembles_it(report: Open) -> None:
     say = '<Runner interface="a/Say" provider="a/Say" text="Room {} is done."/>'
     rooms = "".join(
