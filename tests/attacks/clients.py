@@ -75,7 +75,7 @@ def _service(tokens: bool) -> Service:
         file = Path(folder.name, "tokens")
         file.write_text("\n".join(_TOKENS), encoding="ascii")
         words += ["--token-file", file]
-    service = Service(*words).start()
+    service = Service(*words, new_workers=True).start()
     atexit.register(service.finish)
     return service
 

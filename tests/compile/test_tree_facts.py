@@ -19,7 +19,7 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.model.event import Event
 from gpsfsm.model.report import Loaded
-from tests.cases import batches
+from tests.cases import batches, many
 from tests.compile.test_trees_engines import uses_of
 from tests.compile.tree_facts import Play
 from tests.compile.tree_facts import facts as by_force
@@ -117,14 +117,14 @@ def tree_of(body: str) -> str:
 
 
 def test_large_trees_need_no_z3(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Thousands of leaves below all kinds of nodes."""
+    """Hundreds of leaves below all kinds of nodes, with CASES=all thousands of them."""
     monkeypatch.setattr("gpsfsm.analysis.decide.Solver", None)
     part = (
         "<Inverter><Fallback><A{0}/><B{0}/></Fallback></Inverter>"
         '<Parallel success_count="2" failure_count="2"><C{0}/><D{0}/><E{0}/></Parallel>'
         "<IfThenElse><F{0}/><G{0}/><Inverter><H{0}/></Inverter></IfThenElse>"
     )
-    size = 300
+    size = many(300)
     body = "".join(part.format(number) for number in range(size))
     facts = check_text(tree_of(f"<Sequence>{body}</Sequence>"), "t.xml", CheckOptions()).facts
     assert facts is not None

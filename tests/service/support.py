@@ -33,11 +33,14 @@ class Service:
     """``gpsfsm serve`` with these words. Use it in a ``with`` statement, or start it by hand.
 
     The process is forked from one that has loaded what it takes, but in a ``folder`` that may hold
-    traps for what it loads, or with another command. Its own processes always are new, one
-    worker of each kind: a test that needs more names them.
+    traps for what it loads, or with another command. So are its own processes, but for
+    ``new_workers``; of these there is one of each kind: a test that needs more names them.
     """
 
-    def __init__(self, *words: object, folder: Path | None = None) -> None:
+    def __init__(
+        self, *words: object, folder: Path | None = None, new_workers: bool = False
+    ) -> None:
+        self._forks = not new_workers
         self._words = [str(word) for word in words]
         if "--workers" not in self._words:
             self._words += ["--workers", "1", "--gate-workers", "1"]
@@ -59,7 +62,9 @@ class Service:
         around = environment()
         if self.command is _NEW and self._folder is None and can_fork(around):
             words = [*_NEW[3:], *self._words]
-            return Forked(words, cwd=None, environment=around, stdout=subprocess.DEVNULL)
+            return Forked(
+                words, cwd=None, environment=around, stdout=subprocess.DEVNULL, forks=self._forks
+            )
         return subprocess.Popen(
             [sys.executable, *self.command, *self._words],
             stdin=subprocess.DEVNULL,
@@ -125,6 +130,8 @@ class Service:
             try:
                 fields = (place / "stat").read_text().rpartition(")")[2].split()
                 command = (place / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                if "tests.forked" in command:  # its name says what it has become
+                    command = f"gpsfsm.{(place / 'comm').read_text().strip()}"
             except OSError:
                 continue
             if int(fields[1]) == self.process.pid and fields[0] != "Z":

@@ -17,6 +17,7 @@ from gpsfsm.picture.layout import layout
 from gpsfsm.picture.routing import Router
 from gpsfsm.viewing.picture import automaton_data
 from gpsfsm.viewing.plans import see
+from tests.cases import many
 from tests.conftest import REPO
 from tests.viewing.support import in_node
 
@@ -60,7 +61,7 @@ def random_plan(seed: int) -> str:
 def automata() -> Iterator[Automaton]:
     texts = [(file.read_text(encoding="utf-8"), "paper") for file in FILES]
     texts += [(file.read_text(encoding="utf-8"), "fabric-v2") for file in ENGINE_FILES]
-    texts += [(random_plan(seed), "paper") for seed in range(30)]
+    texts += [(random_plan(seed), "paper") for seed in range(many(30))]
     texts += [(f"<Plan>{_RUNNER * 120}</Plan>", "paper")]
     texts += [(f'<Plan><Control type="parallel_all">{_RUNNER * 40}</Control></Plan>', "paper")]
     texts += [(f"<Plan>{_RUNNER * 2_600}</Plan>", "paper")]  # its rows are divided
