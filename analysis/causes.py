@@ -41,7 +41,7 @@ class Waiting:
 
 
 def waiting_blocks(context: Context) -> tuple[Waiting, ...]:
-    """The join deadlocks to report, in document order. Raises Inconclusive at a limit.
+    """The join deadlocks to report, in document order. Raises InconclusiveError at a limit.
 
     A block that waits only for a block that waits itself is listed under that one.
     """

@@ -12,7 +12,7 @@ from gpsfsm.analysis.counterexamples import canonical_scenario, explain
 from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
 from gpsfsm.analysis.evaluate import KEPT
 from gpsfsm.analysis.flow import Prompts, Values, prompts_of
-from gpsfsm.analysis.solver import Inconclusive
+from gpsfsm.analysis.solver import InconclusiveError
 from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.compile import UnitKind
 from gpsfsm.errors import InternalError
@@ -103,7 +103,7 @@ class Context:
 
     @cached_property
     def waiting(self) -> tuple[Waiting, ...]:
-        """The join deadlocks to report. Raises Inconclusive at a limit."""
+        """The join deadlocks to report. Raises InconclusiveError at a limit."""
         return waiting_blocks(self)
 
     def runners_in(self, unit: int) -> list[int]:
@@ -136,7 +136,7 @@ class Context:
 
     @cached_property
     def reached(self) -> Sequence[bool]:
-        """True if some run triggers a unit. Raises Inconclusive at a limit."""
+        """True if some run triggers a unit. Raises InconclusiveError at a limit."""
         if self.deciders.structure is not None:
             return self.deciders.structure.reached
         solver = self.deciders.solver
@@ -183,7 +183,7 @@ class Context:
         self._scenarios[rule] = shown + 1
         try:
             outcome_of = self._canonical(claim)
-        except Inconclusive:
+        except InconclusiveError:
             return None
         if outcome_of is None:
             return None
@@ -231,14 +231,14 @@ class Context:
         return None if plain else scenario
 
     def possible(self, claim: Claim) -> bool:
-        """True if any scenario shows the claim. Raises Inconclusive at a limit."""
+        """True if any scenario shows the claim. Raises InconclusiveError at a limit."""
         if self.deciders.structure is not None and claim.ends is End.STUCK:
             return False
         solver = self.deciders.solver
         return solver.decide([claim.term(solver)])[0]
 
     def possible_event(self, event: DanglingEvent) -> bool:
-        """True if a dangling event ever happens. Raises Inconclusive at a limit."""
+        """True if a dangling event ever happens. Raises InconclusiveError at a limit."""
         structure = self.deciders.structure
         if structure is not None:
             unit = structure.unit_of[event.runner]

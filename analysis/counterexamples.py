@@ -75,7 +75,7 @@ def candidates(
 
     First the one in which nothing fails but what must, then ``earlier`` ones with this failure,
     then one that z3 finds for the claim, less the failures that do not matter; none if there is
-    none. Raises Inconclusive at a limit.
+    none. Raises InconclusiveError at a limit.
     """
     plain = plainest(solver, number, (number, Outcome.FAILED))
     if plain is not None:
@@ -104,7 +104,7 @@ def fewest(solver: Solver, goal: str, terms: Sequence[str], count: Callable[[], 
     """The smallest number of ``terms`` that hold together with the indicator ``goal``.
 
     ``count`` counts them in the solver's last model. None if ``goal`` cannot hold. Raises
-    Inconclusive at a limit.
+    InconclusiveError at a limit.
     """
     if not solver.must_check([goal]):
         return None
@@ -127,7 +127,7 @@ def canonical_scenario(solver: Solver, term: str) -> tuple[Outcome, ...] | None:
 
     Among all with the fewest outcomes other than SUCCEEDED the one whose failing instances come
     first in document order, and among those FAILED before NO_START before HANG. Raises
-    Inconclusive at a limit.
+    InconclusiveError at a limit.
     """
     size = len(solver.automaton.runners)
     goal = solver.name(term)

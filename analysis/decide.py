@@ -11,7 +11,7 @@ from gpsfsm.analysis.decisions import analyses
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import Budget, Purse
 from gpsfsm.analysis.proof.prove import prove
-from gpsfsm.analysis.solver import Inconclusive, Solver
+from gpsfsm.analysis.solver import InconclusiveError, Solver
 from gpsfsm.analysis.structure import Structure
 from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.compile import TreePlan
@@ -154,7 +154,7 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
     structure = deciders.structure
     if structure is not None:
         return _proposed(deciders, structure)
-    with suppress(Inconclusive):  # each analysis will find out for itself
+    with suppress(InconclusiveError):  # each analysis will find out for itself
         solver = deciders.solver
         solver.ask([term for analysis in analyses() for term in analysis.questions(solver)])
     answers: dict[str, Any] = {}
@@ -162,7 +162,7 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
     for analysis in analyses():
         try:
             answers[analysis.name] = analysis.by_solver(deciders.solver)
-        except Inconclusive:
+        except InconclusiveError:
             answers[analysis.name] = None
             inconclusive.append(analysis.name)
     proof = Proof(dict.fromkeys(answers, By.Z3))
@@ -176,7 +176,7 @@ def _proposed(deciders: Deciders, structure: Structure) -> Decided:
     for analysis in analyses():
         try:
             answers[analysis.name] = analysis.by_structure(structure)
-        except Inconclusive:
+        except InconclusiveError:
             answers[analysis.name] = None
             inconclusive.append(analysis.name)
     if not deciders.asks_solver:

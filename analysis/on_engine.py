@@ -59,7 +59,7 @@ class OnEngine:
         """The runners that the paper reaches and the engine does not, by cause.
 
         Runner numbers ascend; causes come in the order of their first runner.
-        Raises Inconclusive at a limit.
+        Raises InconclusiveError at a limit.
         """
         reached = self._reached
         meant = set(range(len(reached))).difference(self.paper.answers["reachability"] or ())

@@ -81,7 +81,7 @@ Ten times what plans of 200 runners take; trees with a counting Parallel may tak
 """
 
 
-class Inconclusive(Exception):  # noqa: N818  (not an error: an answer of its own)
+class InconclusiveError(Exception):
     """A limit of steps was reached: the question is undecided."""
 
 
@@ -101,9 +101,9 @@ class Purse:
         return self.left <= 0
 
     def require(self, steps: int = 0) -> None:
-        """Pay for what comes now; raises Inconclusive if nothing was left before."""
+        """Pay for what comes now; raises InconclusiveError if nothing was left before."""
         if self.empty:
-            raise Inconclusive
+            raise InconclusiveError
         self.pay(steps)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.encode import FALSE, TRUE, Encoding, symbols_of
 from gpsfsm.analysis.evaluate import Evaluator
-from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT, Inconclusive, Purse
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT, InconclusiveError, Purse
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.workers import Z3_MB, require_free, require_memory
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.timing.pairs import Instants
     from gpsfsm.compile import Compiled
 
-__all__ = ["Inconclusive", "Solver", "add_text", "steps_of"]
+__all__ = ["InconclusiveError", "Solver", "add_text", "steps_of"]
 
 PER_CHARACTER = 10
 """The cost of a character that z3 reads, in steps: about as much time, and it needs memory, too."""
@@ -107,7 +107,7 @@ class Solver:
     def tell(self, assertions: Iterable[str], indicators: Iterable[str] = ()) -> None:
         """Add assertions; ``indicators`` are fresh symbols, all others occur in the text.
 
-        Raises Inconclusive if there are no steps left to pay for it.
+        Raises InconclusiveError if there are no steps left to pay for it.
         """
         lines = [f"(assert {assertion})" for assertion in assertions]
         self.purse.require(PER_CHARACTER * sum(map(len, lines)))
@@ -194,21 +194,21 @@ class Solver:
         return sum(self._holds(model, symbol) for symbol in symbols)
 
     def decide(self, terms: Sequence[str]) -> list[bool]:
-        """Like ``ask``; raises Inconclusive if a limit is hit."""
+        """Like ``ask``; raises InconclusiveError if a limit is hit."""
         answers = self.ask(terms)
         if None in answers:
-            raise Inconclusive
+            raise InconclusiveError
         return [bool(answer) for answer in answers]
 
     def must_check(self, names: Sequence[str]) -> bool:
-        """True if the named terms can hold together; raises Inconclusive if a limit is hit."""
+        """True if the named terms can hold together; raises InconclusiveError if a limit is hit."""
         answer = self._check(names)
         if answer is None:
-            raise Inconclusive
+            raise InconclusiveError
         return answer
 
     def play(self) -> Evaluator:
-        """The evaluator, for one run; raises Inconclusive if there are no steps left for it."""
+        """The evaluator, for one run; raises InconclusiveError if no steps are left for it."""
         self.purse.require(_PER_NODE * len(self.automaton.nodes))
         return self.evaluator
 

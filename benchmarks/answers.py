@@ -88,15 +88,15 @@ def answers() -> Iterator[dict[str, Any]]:
 
 def successes() -> dict[str, set[object]]:
     """By task: what the plans mean that people called a success."""
-    found: dict[str, set[object]] = defaultdict(set)
+    outcomes: dict[str, set[object]] = defaultdict(set)
     with (CORPUS / "labels.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             plan = CORPUS / row["path"]
             if row["human"] == "S" and row["system"] == SYSTEM and plan.exists():
-                found[row["task"]].add(meaning(plan.read_text(encoding="utf-8")))
-    for known in found.values():
-        known.discard(None)
-    return found
+                outcomes[row["task"]].add(meaning(plan.read_text(encoding="utf-8")))
+    for outcome in outcomes.values():
+        outcome.discard(None)
+    return outcomes
 
 
 def meaning(text: str) -> tuple[object, ...] | None:
@@ -137,17 +137,17 @@ def tally(
     lines: Iterable[Mapping[str, Any]], right: Mapping[str, set[object]]
 ) -> dict[tuple[str, str], Tally]:
     """Count by model and prompt; ``right`` are the meanings that are, by task."""
-    found: dict[tuple[str, str], Tally] = {}
+    tallies: dict[tuple[str, str], Tally] = {}
     for line in lines:
         name = next(MODELS[part] for part in MODELS if part in line["api_model"])
-        counted = found.setdefault((name, PROMPTS[line["prompt"]]), Tally())
+        counted = tallies.setdefault((name, PROMPTS[line["prompt"]]), Tally())
         counted.add(judge(line["response"]), right.get(str(line["task"]), set()))
-    return {key: found[key] for key in sorted(found)}
+    return {key: tallies[key] for key in sorted(tallies)}
 
 
-def total(found: Iterable[Tally]) -> Tally:
+def total(tallies: Iterable[Tally]) -> Tally:
     whole = Tally()
-    for each in found:
+    for each in tallies:
         whole.answers += each.answers
         whole.empty += each.empty
         whole.bare += each.bare
@@ -157,18 +157,18 @@ def total(found: Iterable[Tally]) -> Tally:
     return whole
 
 
-def accepted_table(found: Mapping[tuple[str, str], Tally]) -> str:
-    rows = [[f"{model}, {prompt}", *each.cells()] for (model, prompt), each in found.items()]
+def accepted_table(tallies: Mapping[tuple[str, str], Tally]) -> str:
+    rows = [[f"{model}, {prompt}", *each.cells()] for (model, prompt), each in tallies.items()]
     head = ["model, prompt", "answers", "empty", "nothing but a good plan"]
     head += [f"accepted {stage} (right)" for stage in STAGES]
-    return table(head, [*rows, ["all", *total(found.values()).cells()]])
+    return table(head, [*rows, ["all", *total(tallies.values()).cells()]])
 
 
-def rejected_table(found: Mapping[tuple[str, str], Tally]) -> str:
+def rejected_table(tallies: Mapping[tuple[str, str], Tally]) -> str:
     names = {rule.code: rule.name for rule in all_rules()}
-    models = list(dict.fromkeys(model for model, _ in found))
+    models = list(dict.fromkeys(model for model, _ in tallies))
     reasons: dict[tuple[str, ...], Counter[str]] = {}
-    for (model, _), each in found.items():
+    for (model, _), each in tallies.items():
         for rules, number in each.left.items():
             reasons.setdefault(rules, Counter())[model] += number
     ordered = sorted(reasons, key=lambda rules: (-reasons[rules].total(), rules))
@@ -181,18 +181,18 @@ def rejected_table(found: Mapping[tuple[str, str], Tally]) -> str:
 
 
 def _named(rules: Sequence[str], names: Mapping[str, str]) -> str:
-    told = (f"[{rule}](rules/{rule}.md) {names[rule]}" for rule in rules)
-    return " and ".join(told) or "the answer is empty"
+    links = (f"[{rule}](rules/{rule}.md) {names[rule]}" for rule in rules)
+    return " and ".join(links) or "the answer is empty"
 
 
 def main() -> int:
     if not CORPUS.is_dir():
         print(f"the recorded answers are not here: {CORPUS} (GPSFSM_CORPUS)", file=sys.stderr)
         return 2
-    found = tally(answers(), successes())
-    print(accepted_table(found))
+    counts = tally(answers(), successes())
+    print(accepted_table(counts))
     print()
-    print(rejected_table(found))
+    print(rejected_table(counts))
     return 0
 
 

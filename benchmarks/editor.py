@@ -52,7 +52,7 @@ def milliseconds(work: Any) -> float:
 
 def measured(runners: int, keystrokes: int) -> dict[str, list[float]]:
     """Milliseconds of each kind, once for each keystroke."""
-    found: dict[str, list[float]] = {}
+    seconds: dict[str, list[float]] = {}
     with tempfile.TemporaryDirectory() as folder, Editor(Path(folder)) as editor:
         text = plan(runners)
         uri = editor.open("plan.xml", text)
@@ -71,13 +71,13 @@ def measured(runners: int, keystrokes: int) -> dict[str, list[float]]:
             editor.diagnostics(uri)
             times["diagnostics"] = 1000 * (time.perf_counter() - began)
             inside = editor.texts[uri].index("nav2_", at) + 3
-            asked = milliseconds(partial(editor.at, uri, ask[0], inside))
-            times["completion of an interface"] = asked
+            durations = milliseconds(partial(editor.at, uri, ask[0], inside))
+            times["completion of an interface"] = durations
             for name, each in times.items():
                 if number >= 5:  # the first ones load what it takes
-                    found.setdefault(name, []).append(each)
+                    seconds.setdefault(name, []).append(each)
         editor.end()
-    return found
+    return seconds
 
 
 def main() -> None:

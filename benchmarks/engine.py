@@ -32,10 +32,10 @@ def answer_of(command: Sequence[str | Path], *, timeout_s: float = 600.0) -> dic
     done = run(command, cwd=ROOT, timeout_s=timeout_s)
     if done.code != 0:
         raise SystemExit(f"{' '.join(map(str, command))}:\n{done.err}")
-    found: dict[str, Any] = json.loads(done.out)
-    if found["status"] != "COMPLETED":
-        raise SystemExit(f"{' '.join(map(str, command))}: the plan ended {found['status']}")
-    return found
+    document: dict[str, Any] = json.loads(done.out)
+    if document["status"] != "COMPLETED":
+        raise SystemExit(f"{' '.join(map(str, command))}: the plan ended {document['status']}")
+    return document
 
 
 def times(size: int) -> str:
@@ -67,10 +67,10 @@ def py_trees(python: str, spec: Path, size: int, factor: int) -> dict[str, Any]:
     done = run(command, cwd=ROOT, timeout_s=10 * LIMIT_S)
     if done.code != 0:
         raise SystemExit(f"py_trees: {done.err}")
-    found: dict[str, Any] = json.loads(done.out)
-    if found["complete"] and found["status"] != "COMPLETED":
-        raise SystemExit(f"py_trees ended {found['status']}: this is not the same plan")
-    return found
+    document: dict[str, Any] = json.loads(done.out)
+    if document["complete"] and document["status"] != "COMPLETED":
+        raise SystemExit(f"py_trees ended {document['status']}: this is not the same plan")
+    return document
 
 
 def against_trees(
@@ -147,19 +147,21 @@ def statemachine(python: str, spec: Path, size: int) -> dict[str, Any]:
     done = run(command, cwd=ROOT, timeout_s=10 * LIMIT_S)
     if done.code != 0:
         raise SystemExit(f"python-statemachine: {done.err}")
-    found: dict[str, Any] = json.loads(done.out)
-    if found["complete"] and found["status"] != "COMPLETED":
-        raise SystemExit(f"python-statemachine ended {found['status']}: this is not the same plan")
-    return found
+    document: dict[str, Any] = json.loads(done.out)
+    if document["complete"] and document["status"] != "COMPLETED":
+        raise SystemExit(
+            f"python-statemachine ended {document['status']}: this is not the same plan"
+        )
+    return document
 
 
-def shown(found: dict[str, Any], ours: dict[str, Any]) -> list[str]:
+def shown(measurement: dict[str, Any], ours: dict[str, Any]) -> list[str]:
     """Three cells: to build, to run, and how many times as long as ours."""
     late = f"over {LIMIT_S:.0f} s"
-    if found["complete"]:
-        times_as_long = ratio(found["run_s"], ours["run_s"], True)
-        return [duration(found["build_s"]), duration(found["run_s"]), times_as_long]
-    return [duration(found["build_s"]), late, ""] if found["built"] else [late, "", ""]
+    if measurement["complete"]:
+        times_as_long = ratio(measurement["run_s"], ours["run_s"], True)
+        return [duration(measurement["build_s"]), duration(measurement["run_s"]), times_as_long]
+    return [duration(measurement["build_s"]), late, ""] if measurement["built"] else [late, "", ""]
 
 
 def journal_rows() -> list[list[str]]:
@@ -168,15 +170,15 @@ def journal_rows() -> list[list[str]]:
     off = answer_of(command)
     rows = [["off", duration(off["run_s"]), f"{off['events'] / off['run_s']:,.0f}", "", "", ""]]
     for mode in ("none", "process", "power"):
-        found = answer_of((*command, "--journal", mode))
+        answer = answer_of((*command, "--journal", mode))
         rows.append(
             [
                 f"`{mode}`",
-                duration(found["run_s"]),
-                f"{found['events'] / found['run_s']:,.0f}",
-                f"{found['inputs'] / found['run_s']:,.0f}",
-                f"{1e6 * (found['run_s'] - off['run_s']) / found['inputs']:.0f}",
-                f"{found['size_mb']:.2f}",
+                duration(answer["run_s"]),
+                f"{answer['events'] / answer['run_s']:,.0f}",
+                f"{answer['inputs'] / answer['run_s']:,.0f}",
+                f"{1e6 * (answer['run_s'] - off['run_s']) / answer['inputs']:.0f}",
+                f"{answer['size_mb']:.2f}",
             ]
         )
     return rows

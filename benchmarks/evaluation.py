@@ -25,16 +25,16 @@ def main() -> int:
         return 2
     with progress_bar("grading", None) as progress:
         answers = read_experiment(str(EXPERIMENT))
-        found = evaluate(answers, str(ROOT / "experiments/navigation"), progress=progress)
-    totals = [row for row in table(found) if row.names[-1] == ALL]
+        evaluation = evaluate(answers, str(ROOT / "experiments/navigation"), progress=progress)
+    totals = [row for row in table(evaluation) if row.names[-1] == ALL]
     columns = ("system", "model", "prompt", "task")
     print("\n".join(markdown(short_rows(columns, totals, labelled=True))))
     print()
     print("```text")
-    for system in sorted({one.answer.key.cell.system for one in found}):
+    for system in sorted({one.answer.key.cell.system for one in evaluation}):
         pairs = (
             (one.answer.human, one.graded.grade)
-            for one in found
+            for one in evaluation
             if one.answer.key.cell.system == system
         )
         print(f"{system}: " + "\n".join(confusion_lines(confusion_of(pairs))))

@@ -53,10 +53,10 @@ def cold(texts: Sequence[bytes], starts: int, engine: str) -> list[float]:
     return times
 
 
-def row(name: str, found: Sequence[float]) -> list[str]:
+def row(name: str, seconds: Sequence[float]) -> list[str]:
     """One line of the table."""
-    figures = (percentile(found, 0.5), percentile(found, 0.99), max(found))
-    return [name, str(len(found)), *(f"{figure:,.1f}" for figure in figures)]
+    figures = (percentile(seconds, 0.5), percentile(seconds, 0.99), max(seconds))
+    return [name, str(len(seconds)), *(f"{figure:,.1f}" for figure in figures)]
 
 
 def main() -> None:
@@ -72,17 +72,17 @@ def main() -> None:
         return
     where = circumstances()
     texts = list(dict.fromkeys(file.read_bytes() for file in files))
-    rows, told = [], []
+    rows, notes = [], []
     for engine in ("paper", "fabric-v2"):
         starts = cold(texts, chosen.starts, engine)
         times, accepted, undecided = warm(texts, chosen.rounds, engine)
         rows += [row(f"warm, `{engine}`", times), row(f"cold, `{engine}`", starts)]
-        told.append(f"`{engine}` accepts {accepted} and leaves {undecided} undecided")
+        notes.append(f"`{engine}` accepts {accepted} and leaves {undecided} undecided")
     print(where)
     print()
     print(table(["gate", "decisions", "p50, ms", "p99, ms", "greatest, ms"], rows))
     print()
-    print(f"{len(texts)} different texts; {'; '.join(told)}.")
+    print(f"{len(texts)} different texts; {'; '.join(notes)}.")
 
 
 if __name__ == "__main__":

@@ -133,8 +133,8 @@ def timed(work: Callable[[], Grade | None]) -> tuple[float, Grade | None]:
     Grading waits for nothing, and so other work on the machine counts less than on the clock.
     """
     started = time.process_time()
-    found = work()
-    return 1000 * (time.process_time() - started), found
+    outcome = work()
+    return 1000 * (time.process_time() - started), outcome
 
 
 def graded(grader: Grader, case: Case) -> float:
@@ -173,11 +173,11 @@ def many(plans: int) -> tuple[list[list[str]], float, float, float]:
         grading[case.kind].append(graded(grader, case))
         searching[case.kind].append(graded(alone, case))
         checking[case.kind].append(checked(case))
-    ours = [took for found in grading.values() for took in found]
-    quick = [took for found in searching.values() for took in found]
-    plain = [took for found in checking.values() for took in found]
+    ours = [took for seconds in grading.values() for took in seconds]
+    quick = [took for seconds in searching.values() for took in seconds]
+    plain = [took for seconds in checking.values() for took in seconds]
     named = [(kind, grading[kind], searching[kind], checking[kind]) for kind in kinds]
-    rows = [row(*found) for found in [*named, ("all", ours, quick, plain)]]
+    rows = [row(*each) for each in [*named, ("all", ours, quick, plain)]]
     return rows, median(ours), median(quick), median(plain)
 
 

@@ -26,12 +26,12 @@ FOLDERS = {
 
 def loads(folder: Path) -> Counter[tuple[int, int]]:
     """How many plans have which (all, peak); plans without facts are left out."""
-    found: Counter[tuple[int, int]] = Counter()
+    counts: Counter[tuple[int, int]] = Counter()
     for plan in gpsfsm.check(folder).plans:
         loaded = plan.facts.loaded if plan.facts is not None else None
         if loaded is not None and loaded.peak is not None and loaded.all:
-            found[loaded.all, loaded.peak] += 1
-    return found
+            counts[loaded.all, loaded.peak] += 1
+    return counts
 
 
 def main() -> None:
@@ -41,11 +41,11 @@ def main() -> None:
         if not folder.is_dir():
             rows.append([name, "not here", "", "", ""])
             continue
-        found = loads(folder)
-        plans = sum(found.values())
-        everything = sum(all_ * count for (all_, _), count in found.items())
-        needed = sum(peak * count for (_, peak), count in found.items())
-        saved = sum(count for (all_, peak), count in found.items() if peak < all_)
+        counts = loads(folder)
+        plans = sum(counts.values())
+        everything = sum(all_ * count for (all_, _), count in counts.items())
+        needed = sum(peak * count for (_, peak), count in counts.items())
+        saved = sum(count for (all_, peak), count in counts.items() if peak < all_)
         rows.append(
             [
                 name,

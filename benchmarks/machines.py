@@ -19,7 +19,7 @@ from benchmarks.common import table
 from gpsfsm.analysis.machines.decide import Judge
 from gpsfsm.analysis.machines.proof import Completeness, Formulas
 from gpsfsm.analysis.machines.search import Exploration
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.checking.machine_check import never
 from tests.analysis.machines.fixpoint import Fixpoint
 from tests.analysis.machines.random_machines import PLAIN, automaton_of, machine, machines
@@ -67,7 +67,7 @@ def random_ones() -> list[Automaton]:
         if len(automaton.runners) == 6 and len(chosen) < len(RANDOM):
             try:
                 size = Exploration(automaton, [PLAIN] * 6, limit=2 * RANDOM[-1]).reached
-            except Inconclusive:
+            except InconclusiveError:
                 return
             for least in RANDOM:
                 if least <= size < 2 * least:
@@ -84,7 +84,7 @@ def milliseconds(work: Callable[[], object]) -> str:
         begin = time.process_time()
         try:
             work()
-        except Inconclusive:
+        except InconclusiveError:
             return "over the limit"
         times.append(1000 * (time.process_time() - begin))
     return f"{median(times):,.1f}"

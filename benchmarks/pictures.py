@@ -73,12 +73,12 @@ def measured(work: Callable[[], Result]) -> tuple[float, Result]:
 
 def row_of(name: str, runners: int) -> list[str]:
     automaton = automaton_of(FAMILIES[name](runners))
-    laying, found = measured(lambda: layout(automaton))
+    laying, arranged = measured(lambda: layout(automaton))
     drawing, svg = measured(lambda: automaton_to_svg(automaton))
     drawn = svg.count('<g class="runner">')
-    if drawn != runners or len(found.nodes) != len(automaton.nodes):
+    if drawn != runners or len(arranged.nodes) != len(automaton.nodes):
         return [name, f"{runners:,}", "WRONG PICTURE", "", "", ""]
-    width, height = found.size
+    width, height = arranged.size
     return [
         name,
         f"{runners:,}",

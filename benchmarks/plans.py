@@ -34,13 +34,13 @@ def measure(
             started = time.perf_counter()
             gpsfsm.check(text, solver=solver, builtin_capabilities=capabilities)
             times[number].append(1000 * (time.perf_counter() - started))
-    return [median(found) for found in times]
+    return [median(each) for each in times]
 
 
-def row(name: str, solver: Choice, found: Sequence[float]) -> list[str]:
+def row(name: str, solver: Choice, seconds: Sequence[float]) -> list[str]:
     """One line of the table."""
-    figures = (median(found), percentile(found, 0.95), max(found))
-    return [name, f"`{solver}`", str(len(found)), *(f"{figure:.2f}" for figure in figures)]
+    figures = (median(seconds), percentile(seconds, 0.95), max(seconds))
+    return [name, f"`{solver}`", str(len(seconds)), *(f"{figure:.2f}" for figure in figures)]
 
 
 def main() -> None:
@@ -61,10 +61,10 @@ def main() -> None:
     medians: dict[str, float] = {}
     choices: tuple[Choice, ...] = ("auto", "structural")
     for solver in choices:
-        found = measure(texts, solver, chosen.rounds)
-        medians[solver] = median(found)
-        rows.append(row("all plans", solver, found))
-        by_text = dict(zip(texts, found, strict=True))
+        seconds = measure(texts, solver, chosen.rounds)
+        medians[solver] = median(seconds)
+        rows.append(row("all plans", solver, seconds))
+        by_text = dict(zip(texts, seconds, strict=True))
         for name, kind in (("distinct texts", distinct), ("distinct texts with facts", analysed)):
             rows.append(row(name, solver, [by_text[text] for text in kind]))
     bare = measure(texts, "auto", chosen.rounds, capabilities=False)

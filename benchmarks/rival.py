@@ -149,11 +149,11 @@ def by_gpsfsm(tree: Path, task_file: Path, *, failures: bool = True) -> Outcome:
     (plan,) = json.loads(done.out)["plans"]
     if plan["verdict"] not in ("accepted", "rejected"):
         raise SystemExit(f"gpsfsm: {plan['verdict']}")
-    errors = [found for found in plan["findings"] if found["severity"] == "error"]
+    errors = [each for each in plan["findings"] if each["severity"] == "error"]
     # Another error would hide what is broken: then the table would say that all is well.
-    if any(found["rule"] != "GP608" for found in errors):
-        raise SystemExit(f"gpsfsm: other errors: {sorted({found['rule'] for found in errors})}")
-    broken = [found["message"] for found in errors]
+    if any(error["rule"] != "GP608" for error in errors):
+        raise SystemExit(f"gpsfsm: other errors: {sorted({error['rule'] for error in errors})}")
+    broken = [error["message"] for error in errors]
     holds = {
         key: not any(f"'{name}'" in message for message in broken)
         for key, (name, _) in DEMANDS.items()

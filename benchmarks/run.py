@@ -60,7 +60,7 @@ def replaced(document: str, part: str, result: str) -> str:
     marker = re.compile(f"(<!-- bench:{part} -->\n).*?(<!-- /bench:{part} -->)", re.DOTALL)
     if not marker.search(document):
         raise SystemExit(f"there are no markers <!-- bench:{part} -->")
-    return marker.sub(lambda found: f"{found[1]}{result}\n{found[2]}", document, count=1)
+    return marker.sub(lambda match: f"{match[1]}{result}\n{match[2]}", document, count=1)
 
 
 def main() -> None:

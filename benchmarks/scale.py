@@ -30,7 +30,7 @@ class Family:
 
     name: str
     arguments: Callable[[int], tuple[int, ...]]
-    known: Callable[[Facts, int], bool]
+    holds: Callable[[Facts, int], bool]
 
 
 def _decades(runners: int) -> int:
@@ -48,7 +48,7 @@ def _chain(facts: Facts, runners: int) -> bool:
 def _fanout(facts: Facts, runners: int) -> bool:
     return (
         facts["fewest_failures_to_give_up"] == 1
-        and [found["effect"] for found in facts["join_deadlocks"]] == ["give_up"]
+        and [each["effect"] for each in facts["join_deadlocks"]] == ["give_up"]
         and len(facts["dangling"]) == runners
     )
 
@@ -70,13 +70,14 @@ FAMILIES = (
 )
 
 
-def verdict_of(found: Measured, family: Family, runners: int) -> str:
+def verdict_of(measured: Measured, family: Family, runners: int) -> str:
     """What is wrong with a result, or nothing."""
-    if found.timed_out:
+    if measured.timed_out:
         return f"no answer within {TIMEOUT_S:.0f} s"
-    if found.code not in (0, 1):
-        return f"no verdict: {(found.err.strip().splitlines() or ['exit ' + str(found.code)])[-1]}"
-    facts = json.loads(found.out)["plans"][0]["facts"]
+    if measured.code not in (0, 1):
+        lines = measured.err.strip().splitlines() or [f"exit {measured.code}"]
+        return f"no verdict: {lines[-1]}"
+    facts = json.loads(measured.out)["plans"][0]["facts"]
     common = (
         facts["runners"] == runners
         and facts["completes"] == "sometimes"
@@ -84,7 +85,7 @@ def verdict_of(found: Measured, family: Family, runners: int) -> str:
         and facts["stuck"] == "never"
         and facts["unreachable"] == []
     )
-    return "" if common and family.known(facts, runners) else "WRONG ANSWER"
+    return "" if common and family.holds(facts, runners) else "WRONG ANSWER"
 
 
 def growth(now: float, before: float | None) -> str:
@@ -98,13 +99,13 @@ def measure(family: Family, runners: int) -> dict[str, Any]:
         plan = Path(folder) / "plan.xml"
         write_plan(plan, family.name, *family.arguments(runners))
         command = (*GPSFSM, "check", "--isolated", "--format", "json", str(plan))
-        found = run(command, timeout_s=TIMEOUT_S, cwd=Path(folder))
+        completed = run(command, timeout_s=TIMEOUT_S, cwd=Path(folder))
         return {
-            "seconds": found.seconds,
-            "peak_mb": found.peak_mb,
+            "seconds": completed.seconds,
+            "peak_mb": completed.peak_mb,
             "plan_mb": plan.stat().st_size / 1e6,
-            "output_mb": len(found.out) / 1e6,
-            "wrong": verdict_of(found, family, runners),
+            "output_mb": len(completed.out) / 1e6,
+            "wrong": verdict_of(completed, family, runners),
         }
 
 
@@ -114,8 +115,8 @@ def measure_apart(family: Family, runners: int) -> dict[str, Any]:
     done = run(worker, timeout_s=2 * TIMEOUT_S, cwd=ROOT)
     if done.code != 0:
         raise SystemExit(f"{family.name} {runners}: {done.err}")
-    found: dict[str, Any] = json.loads(done.out)
-    return found
+    measured: dict[str, Any] = json.loads(done.out)
+    return measured
 
 
 def rows_of(family: Family, sizes: tuple[int, ...]) -> list[list[str]]:
@@ -123,19 +124,19 @@ def rows_of(family: Family, sizes: tuple[int, ...]) -> list[list[str]]:
     rows: list[list[str]] = []
     before: dict[str, Any] = {}
     for runners in sizes:
-        found = measure_apart(family, runners)
-        row = [family.name, f"{runners:,}", f"{found['plan_mb']:.1f}"]
-        if found["wrong"]:
-            return [*rows, [*row, "", found["wrong"], "", f"{found['peak_mb']:.0f}", ""]]
+        measured = measure_apart(family, runners)
+        row = [family.name, f"{runners:,}", f"{measured['plan_mb']:.1f}"]
+        if measured["wrong"]:
+            return [*rows, [*row, "", measured["wrong"], "", f"{measured['peak_mb']:.0f}", ""]]
         row += [
-            f"{found['output_mb']:.1f}",
-            seconds(found["seconds"]),
-            growth(found["seconds"], before.get("seconds")),
-            f"{found['peak_mb']:.0f}",
-            growth(found["peak_mb"], before.get("peak_mb")),
+            f"{measured['output_mb']:.1f}",
+            seconds(measured["seconds"]),
+            growth(measured["seconds"], before.get("seconds")),
+            f"{measured['peak_mb']:.0f}",
+            growth(measured["peak_mb"], before.get("peak_mb")),
         ]
         rows.append(row)
-        before = found
+        before = measured
     return rows
 
 

@@ -54,13 +54,13 @@ class Phase:
         return sorted(self.seconds)[int(len(self.seconds) * 0.99)] * 1000
 
     def row(self) -> str:
-        found = sorted(self.seconds)
-        parts = [found[int(len(found) * share)] * 1000 for share in (0.5, 0.99)]
+        ordered = sorted(self.seconds)
+        parts = [ordered[int(len(ordered) * share)] * 1000 for share in (0.5, 0.99)]
         failed = sum(count for status, count in self.statuses.items() if status != 200)
-        rate = len(found) / self.took_s
+        rate = len(ordered) / self.took_s
         middle, late = (f"{part:,.1f}" for part in parts)
-        most = f"{found[-1] * 1000:,.0f}"
-        return f"| {self.name} | {len(found):,} | {rate:,.0f} | {middle} | {late} | {most} | {failed} |"  # noqa: E501
+        most = f"{ordered[-1] * 1000:,.0f}"
+        return f"| {self.name} | {len(ordered):,} | {rate:,.0f} | {middle} | {late} | {most} | {failed} |"  # noqa: E501
 
 
 def corpus() -> tuple[list[bytes], str]:
@@ -104,10 +104,10 @@ async def ask(service: Service, texts: itertools.cycle[bytes], left: list[int], 
 async def phase(
     service: Service, name: str, texts: list[bytes], requests: int, clients: int = CLIENTS
 ) -> Phase:
-    found, left, cycle = Phase(name), [requests], itertools.cycle(texts)
-    await asyncio.gather(*(ask(service, cycle, left, found) for _ in range(clients)))
-    found.took_s = time.monotonic() - found.began_s
-    return found
+    phase_, left, cycle = Phase(name), [requests], itertools.cycle(texts)
+    await asyncio.gather(*(ask(service, cycle, left, phase_) for _ in range(clients)))
+    phase_.took_s = time.monotonic() - phase_.began_s
+    return phase_
 
 
 async def slowloris(service: Service, seconds: float) -> None:
@@ -149,20 +149,20 @@ async def hostile(
         request(b"x" * (3 << 20)),
         b"nonsense\r\n\r\n",
     ]
-    told: Counter[int] = Counter()
+    statuses: Counter[int] = Counter()
 
     async def attack() -> None:
         for content in itertools.islice(itertools.cycle(bad), 15):
-            told[await once(service, content)] += 1
+            statuses[await once(service, content)] += 1
 
     drips = [asyncio.create_task(slowloris(service, 3_600)) for _ in range(100)]
-    found, _ = await asyncio.gather(
+    phase_result, _ = await asyncio.gather(
         phase(service, "100 slow senders, 15 hostile requests", texts, requests), attack()
     )
     for drip in drips:
         drip.cancel()
     await asyncio.gather(*drips, return_exceptions=True)
-    return found, told
+    return phase_result, statuses
 
 
 async def crowd(service: Service, texts: list[bytes]) -> Counter[int]:
@@ -193,7 +193,7 @@ def under_load(requests: int) -> list[str]:
         whole = asyncio.run(phase(service, f"{CLIENTS} clients, {name}", texts, requests))
         after = memory_mb(service)
         alone = asyncio.run(phase(service, "1 client", texts, min(requests, 500), 1))
-        attacked, told = asyncio.run(hostile(service, texts, min(requests, 1_000)))
+        attacked, statuses = asyncio.run(hostile(service, texts, min(requests, 1_000)))
         crowded = asyncio.run(crowd(service, texts))
         with service.client() as client:
             assert client.get("/health").status_code == 200
@@ -209,8 +209,8 @@ def under_load(requests: int) -> list[str]:
         "",
         f"Memory before and after the {requests:,} requests: the service {before[0]:.0f} and "
         f"{after[0]:.0f} MB, its largest worker {before[1]:.0f} and {after[1]:.0f} MB. The hostile "
-        f"requests were answered with {listed(told)}. Of {CROWD:,} clients that asked at the same "
-        f"time {listed(crowded)}.",
+        f"requests were answered with {listed(statuses)}. Of {CROWD:,} clients that asked at the "
+        f"same time {listed(crowded)}.",
     ]
 
 

@@ -58,7 +58,7 @@ def main() -> None:
     print(text + f"{time.monotonic() - began:.0f} s")
     if kills >= 200:
         page = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(BLOCK.sub(lambda found: found[1] + text + found[2], page), encoding="utf-8")
+        PAGE.write_text(BLOCK.sub(lambda match: match[1] + text + match[2], page), encoding="utf-8")
 
 
 if __name__ == "__main__":

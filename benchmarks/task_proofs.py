@@ -73,7 +73,7 @@ def task_of(size: int) -> Task:
     return Task(steps=tuple(Step((pattern,)) for pattern in patterns))
 
 
-class Asked:
+class Problem:
     """A right plan, and its task."""
 
     def __init__(self, size: int) -> None:
@@ -96,53 +96,53 @@ class Asked:
         return self.encoding.triggered(number + 1)
 
 
-def states(asked: Asked) -> str:
-    return problem_text(asked.compiled, asked.constraints, [asked.demand])[1]
+def states(problem: Problem) -> str:
+    return problem_text(problem.compiled, problem.constraints, [problem.demand])[1]
 
 
-def states_if_triggered(asked: Asked) -> str:
+def states_if_triggered(problem: Problem) -> str:
     single = re.compile(r"\(=> (m\d+_\d+) (m(\d+)_\d+)\)")
     several = re.compile(r"\(assert \(=> \(and (m\d+_\d+ ?)+\) m\d+_\d+\)\)\n")
-    return several.sub("", single.sub(r"(=> (and t\3 \1) \2)", states(asked)))
+    return several.sub("", single.sub(r"(=> (and t\3 \1) \2)", states(problem)))
 
 
-def cuts(asked: Asked) -> str:
-    machine = machine_of(asked.demand, asked.constraints)
+def cuts(case: Problem) -> str:
+    machine = machine_of(case.demand, case.constraints)
     assert machine.depth is not None
-    slots = Slots(asked.compiled.automaton, asked.constraints, machine, machine.depth)
+    slots = Slots(case.compiled.automaton, case.constraints, machine, machine.depth)
     return problem([*slots.problem(), disjunction(slots.keys.values())])
 
 
-def held_back(asked: Asked) -> str:
-    lines, wrong = asked.run(), []
-    for number in range(asked.size - 1):
-        node = asked.compiled.automaton.runner_node(number)
+def held_back(case: Problem) -> str:
+    lines, wrong = case.run(), []
+    for number in range(case.size - 1):
+        node = case.compiled.automaton.runner_node(number)
         changed = {Signal(node, event): FALSE for event in (Event.SUCCEEDED, Event.FAILED)}
-        variant = asked.encoding.variant(changed)
+        variant = case.encoding.variant(changed)
         lines += variant.definitions
-        wrong.append(variant.triggered(asked.compiled.automaton.runner_node(number + 1)))
+        wrong.append(variant.triggered(case.compiled.automaton.runner_node(number + 1)))
     return problem([*lines, disjunction(wrong)])
 
 
-def before(asked: Asked) -> str:
-    lines = asked.run()
-    for one, other in pairwise(range(asked.size)):
-        lines.append(f"(=> {asked.triggered(other)} (and s{one} b{one}_{other}))")
-    for one, other, third in combinations(range(asked.size), 3):
+def before(case: Problem) -> str:
+    lines = case.run()
+    for one, other in pairwise(range(case.size)):
+        lines.append(f"(=> {case.triggered(other)} (and s{one} b{one}_{other}))")
+    for one, other, third in combinations(range(case.size), 3):
         lines.append(f"(=> (and b{one}_{other} b{other}_{third}) b{one}_{third})")
-    pairs = combinations(range(asked.size), 2)
-    wrong = [f"(and {asked.triggered(other)} (not b{one}_{other}))" for one, other in pairs]
+    pairs = combinations(range(case.size), 2)
+    wrong = [f"(and {case.triggered(other)} (not b{one}_{other}))" for one, other in pairs]
     return problem([*lines, disjunction(wrong)])
 
 
-def time_stamps(asked: Asked) -> str:
-    lines = [*asked.run(), *(f"(< c{one} e{one})" for one in range(asked.size))]
+def time_stamps(case: Problem) -> str:
+    lines = [*case.run(), *(f"(< c{one} e{one})" for one in range(case.size))]
     wrong = []
-    for one, other in pairwise(range(asked.size)):
-        lines.append(f"(=> {asked.triggered(other)} (= c{other} e{one}))")
-        right = conjunction((asked.triggered(one), f"s{one}", f"(<= e{one} c{other})"))
-        wrong.append(conjunction((asked.triggered(other), f"(not {right})")))
-    wrong.append(f"(and {asked.triggered(asked.size - 1)} (< e{asked.size - 1} e0))")
+    for one, other in pairwise(range(case.size)):
+        lines.append(f"(=> {case.triggered(other)} (= c{other} e{one}))")
+        right = conjunction((case.triggered(one), f"s{one}", f"(<= e{one} c{other})"))
+        wrong.append(conjunction((case.triggered(other), f"(not {right})")))
+    wrong.append(f"(and {case.triggered(case.size - 1)} (< e{case.size - 1} e0))")
     return problem([*lines, disjunction(wrong)])
 
 
@@ -157,7 +157,7 @@ def problem(lines: list[str]) -> str:
     return f"{declared}\n{text}"
 
 
-ENCODINGS: dict[str, tuple[Callable[[Asked], str], int]] = {
+ENCODINGS: dict[str, tuple[Callable[[Problem], str], int]] = {
     "states": (states, 10_000),
     "states, if triggered": (states_if_triggered, 1_000),
     "cuts": (cuts, 10),
@@ -208,11 +208,11 @@ def main() -> int:
     for size in (10, 100, 1_000, 10_000):
         if size > largest:
             break
-        asked = Asked(size)
+        request = Problem(size)
         for name, (encoding, most) in ENCODINGS.items():
             if size > most:
                 continue
-            text = encoding(asked)
+            text = encoding(request)
             for solver, make in (INTEGERS if name == "time stamps" else SOLVERS).items():
                 took = refuted(make, text, 3 if size < 100 else 1)
                 rows.append(row(name, size, text, solver, took))

@@ -85,20 +85,20 @@ def row_of(family: Family, runners: int, before: float | None) -> tuple[list[str
         file = Path(folder) / "tree.xml"
         file.write_text(tree, encoding="utf-8")
         command = (*GPSFSM, "check", "--isolated", "--format", "json", str(file))
-        found = run(command, timeout_s=TIMEOUT_S, cwd=Path(folder))
+        completed = run(command, timeout_s=TIMEOUT_S, cwd=Path(folder))
     leaves = f"{parts * family.leaves:,}"
-    if found.timed_out or found.code not in (0, 1):
-        return [family.name, leaves, "no answer", "", ""], found.seconds
-    facts: dict[str, Any] = json.loads(found.out)["plans"][0]["facts"]
+    if completed.timed_out or completed.code not in (0, 1):
+        return [family.name, leaves, "no answer", "", ""], completed.seconds
+    facts: dict[str, Any] = json.loads(completed.out)["plans"][0]["facts"]
     right = (
         facts["runners"] == parts * family.leaves
         and facts["completes"] == facts["gives_up"] == "sometimes"
         and facts["fewest_failures_to_give_up"] == family.fewest(parts)
         and facts["unreachable"] == []
     )
-    time = seconds(found.seconds) if right else "WRONG ANSWER"
-    rate = growth(found.seconds, before)
-    return [family.name, leaves, time, rate, f"{found.peak_mb:.0f}"], found.seconds
+    time = seconds(completed.seconds) if right else "WRONG ANSWER"
+    rate = growth(completed.seconds, before)
+    return [family.name, leaves, time, rate, f"{completed.peak_mb:.0f}"], completed.seconds
 
 
 def main() -> None:

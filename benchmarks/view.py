@@ -211,9 +211,9 @@ def empty(browser: Browser) -> float:
     """Frames per second of a page with nothing in it."""
     page = browser.new_context(viewport=SIZE).new_page()
     page.goto("about:blank")
-    found = frames(page, "nothing")
+    painted = frames(page, "nothing")
     page.close()
-    return found
+    return painted
 
 
 def frames(page: Page, kind: str) -> float:

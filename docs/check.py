@@ -266,10 +266,10 @@ def _run(command: str, status: int, root: Path, programs: Path | None) -> tuple[
 
 def environment(first: Path | None) -> dict[str, str]:
     """As on a new machine: no colours, no width of a terminal, UTF-8, and nothing configured."""
-    found = {n: value for n, value in os.environ.items() if not _NOT_INHERITED.fullmatch(n)}
+    inherited = {n: value for n, value in os.environ.items() if not _NOT_INHERITED.fullmatch(n)}
     programs = Path(sys.executable).parent  # not resolved: a virtual environment links its python
     path = (first, programs, os.environ.get("PATH", os.defpath))
-    return found | {
+    return inherited | {
         "PATH": os.pathsep.join(str(part) for part in path if part),
         "LC_ALL": "C.UTF-8",
         "NO_COLOR": "1",

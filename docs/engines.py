@@ -49,7 +49,7 @@ def compiled_of(plan: str, engine: str = "") -> Compiled:
     return compile_plan(parsed.plan)
 
 
-def played(compiled: Compiled, found: Difference) -> str:
+def played(compiled: Compiled, difference: Difference) -> str:
     """How a run ends, and what starts: outcomes come in the order in which runners started."""
     kernel = Kernel(compiled, apart=True)
     runners = compiled.automaton.plan.runners
@@ -62,19 +62,19 @@ def played(compiled: Compiled, found: Difference) -> str:
         _, commands = kernel.step(happened)
         for command in reversed(commands):
             if isinstance(command, Load):
-                refuses = kernel.runners[command.runner][0] in found.refusing
+                refuses = kernel.runners[command.runner][0] in difference.refusing
                 kind = Kind.NOT_LOADED if refuses else Kind.LOADED
                 waiting.appendleft(Input(kind, runner=command.runner))
         for command in commands:
             if isinstance(command, Start):
                 name = runners[command.number].interface
                 started[-1].append(name)
-                fails = name in found.failing
+                fails = name in difference.failing
                 waiting.append(Input(Kind.FAILED if fails else Kind.SUCCEEDED, command.number))
             elif isinstance(command, Stop):
                 waiting = deque([Input(Kind.STOPPED, command.number), *_stops(waiting)])
-    told = " → ".join(" + ".join(names) for names in started if names)
-    return f"{kernel.status.value}: {told or 'nothing'}"
+    steps = " → ".join(" + ".join(names) for names in started if names)
+    return f"{kernel.status.value}: {steps or 'nothing'}"
 
 
 def _stops(waiting: deque[Input]) -> list[Input]:
@@ -93,37 +93,45 @@ def rules(plan: str, engine: str) -> set[str]:
 
 def differences() -> Iterator[str]:
     """The lines about what plans do. Exits if a plan does not end as it should."""
-    for number, found in enumerate(DIFFERENCES, start=1):
+    for number, difference in enumerate(DIFFERENCES, start=1):
         ends = {
-            "the paper": (found.paper, played(compiled_of(found.plan), found)),
-            FIRST: (found.first, played(compiled_of(found.plan, FIRST), found)),
-            SECOND: (found.second, played(compiled_of(found.plan, SECOND), found)),
+            "the paper": (difference.paper, played(compiled_of(difference.plan), difference)),
+            FIRST: (difference.first, played(compiled_of(difference.plan, FIRST), difference)),
+            SECOND: (difference.second, played(compiled_of(difference.plan, SECOND), difference)),
         }
-        if played(compiled_of(found.plan, THIRD), found) != found.second:
-            raise SystemExit(f"{found.title}: {THIRD} does not do as {SECOND} does")
+        if played(compiled_of(difference.plan, THIRD), difference) != difference.second:
+            raise SystemExit(f"{difference.title}: {THIRD} does not do as {SECOND} does")
         for name, (wanted, end) in ends.items():
             if wanted != end:
-                raise SystemExit(f"{found.title}: {name} is expected to do {wanted}, not {end}")
-        missing = set(found.rules) - rules(found.plan, found.shown)
+                raise SystemExit(
+                    f"{difference.title}: {name} is expected to do {wanted}, not {end}"
+                )
+        missing = set(difference.rules) - rules(difference.plan, difference.shown)
         if missing:
-            raise SystemExit(f"{found.title}: {found.shown} lacks {', '.join(sorted(missing))}")
-        yield from (f"### {number}. {found.title}", "", found.words, "")
-        yield from ("```xml", found.plan.rstrip(), "```", "")
-        yield from (f"{_outcomes(found)}", "", "| | ends | what starts |", "|---|---|---|")
+            raise SystemExit(
+                f"{difference.title}: {difference.shown} lacks {', '.join(sorted(missing))}"
+            )
+        yield from (f"### {number}. {difference.title}", "", difference.words, "")
+        yield from ("```xml", difference.plan.rstrip(), "```", "")
+        yield from (f"{_outcomes(difference)}", "", "| | ends | what starts |", "|---|---|---|")
         for name, (end, _) in ends.items():
             status, _, names = end.partition(": ")
             yield f"| {name} | {status} | {names} |"
-        codes = ", ".join(f"[{code}](rules/{code}.md)" for code in found.rules)
+        codes = ", ".join(f"[{code}](rules/{code}.md)" for code in difference.rules)
         yield ""
         if codes:
-            yield from (f"Found on {found.shown} by {codes}.", "")
-        yield from (f"The automaton of {found.shown}:", "", "```mermaid")
-        yield from (compiled_of(found.plan, found.shown).automaton.to_mermaid().rstrip(), "```", "")
+            yield from (f"Found on {difference.shown} by {codes}.", "")
+        yield from (f"The automaton of {difference.shown}:", "", "```mermaid")
+        yield from (
+            compiled_of(difference.plan, difference.shown).automaton.to_mermaid().rstrip(),
+            "```",
+            "",
+        )
 
 
-def _outcomes(found: Difference) -> str:
-    parts = [f"{name} fails" for name in found.failing]
-    parts += [f"{name} does not start" for name in found.refusing]
+def _outcomes(difference: Difference) -> str:
+    parts = [f"{name} fails" for name in difference.failing]
+    parts += [f"{name} does not start" for name in difference.refusing]
     return f"Where {' and '.join(parts)}:" if parts else "Where everything succeeds:"
 
 
@@ -132,14 +140,14 @@ def texts() -> Iterator[str]:
     yield "| text | as XML | fabric-v1 | fabric-v2 | what fabric-v2 says |"
     yield "|---|---|---|---|---|"
     for each in TEXTS:
-        found = (_taken(each), *(_taken(each, engine) for engine in (FIRST, SECOND)))
-        if found != each.takes:
-            raise SystemExit(f"{each.words}: expected {each.takes}, not {found}")
-        if _taken(each, THIRD) != found[-1]:
+        readings = (_taken(each), *(_taken(each, engine) for engine in (FIRST, SECOND)))
+        if readings != each.takes:
+            raise SystemExit(f"{each.words}: expected {each.takes}, not {readings}")
+        if _taken(each, THIRD) != readings[-1]:
             raise SystemExit(f"{each.words}: {THIRD} does not do as {SECOND} does")
         reading = read_for_engine(each.text, SECOND, "plan.xml", Library())
         said = "" if isinstance(reading, EngineReading) else getattr(reading.result, "reason", "")
-        yield f"| {each.words} | {' | '.join(found)} | {said.replace('<', '&lt;')} |"
+        yield f"| {each.words} | {' | '.join(readings)} | {said.replace('<', '&lt;')} |"
 
 
 def _taken(each: Text, engine: str = "") -> str:

@@ -60,8 +60,8 @@ _COMMANDS = (
 
 def pages() -> dict[str, str]:
     """The text of every page by its file name."""
-    found = {f"{rule.code}.md": rule_markdown(rule) for rule in all_rules()}
-    return {**found, "index.md": rules_index_markdown(all_rules())}
+    files = {f"{rule.code}.md": rule_markdown(rule) for rule in all_rules()}
+    return {**files, "index.md": rules_index_markdown(all_rules())}
 
 
 def differing(folder: Path) -> list[str]:
@@ -113,9 +113,9 @@ def _function(name: str, function: Any) -> Iterator[str]:
 
 def _signature(name: str, function: Any) -> str:
     """The signature, one argument per line."""
-    found = inspect.signature(function)
+    signature = inspect.signature(function)
     lines, starred = [], False
-    for each in found.parameters.values():
+    for each in signature.parameters.values():
         if each.kind is each.KEYWORD_ONLY and not starred:
             lines.append("*")
             starred = True
@@ -127,7 +127,9 @@ def _signature(name: str, function: Any) -> str:
             text += f" = {_plain(each.default)}"
         lines.append(text)
     inside = "".join(f"    {line},\n" for line in lines)
-    returned = "" if found.return_annotation is found.empty else _type(found.return_annotation)
+    returned = (
+        "" if signature.return_annotation is signature.empty else _type(signature.return_annotation)
+    )
     arrow = f" -> {returned}" if returned else ""
     prefix = "async def" if inspect.iscoroutinefunction(function) else "def"
     return f"{prefix} {name}(\n{inside}){arrow}" if lines else f"{prefix} {name}(){arrow}"
@@ -148,11 +150,11 @@ def _text(documented: Any) -> str:
     """The docstring with its examples as code."""
     text = inspect.cleandoc(documented.__doc__ or "").replace("``", "`")
     parts = re.split(r"\n\n(?=>>> )", text)
-    found = [parts[0]]
+    pieces = [parts[0]]
     for part in parts[1:]:
         example, _, rest = part.partition("\n\n")
-        found.append(f"```pycon\n{example}\n```" + (f"\n\n{rest}" if rest else ""))
-    return "\n\n".join(found)
+        pieces.append(f"```pycon\n{example}\n```" + (f"\n\n{rest}" if rest else ""))
+    return "\n\n".join(pieces)
 
 
 def _class(name: str, documented: Any) -> Iterator[str]:
@@ -173,7 +175,7 @@ def _class(name: str, documented: Any) -> Iterator[str]:
         rows.append((called, first.replace("|", "\\|")))
     if rows:
         yield f"\n| `{name}.` | |\n|---|---|"
-        yield from (f"| `{called}` | {told} |" for called, told in rows)
+        yield from (f"| `{called}` | {cells} |" for called, cells in rows)
 
 
 def grammars() -> dict[str, str]:
@@ -295,26 +297,26 @@ def main() -> int:
             (_MAN / name).write_text(text, encoding="ascii", newline="\n")
         _CLI.write_text(cli_markdown(_CLI.read_text(encoding="utf-8")), encoding="utf-8")
         return 0
-    found = differing(_RULES)
-    for name in found:
+    outdated = differing(_RULES)
+    for name in outdated:
         print(f"docs/rules/{name} differs from the catalogue: run python docs/generate.py")
     there = _API.read_text(encoding="utf-8") if _API.exists() else ""
     if there != api_markdown():
-        found.append(_API.name)
+        outdated.append(_API.name)
         print("docs/api.md differs from the docstrings: run python docs/generate.py")
     for name, text in grammars().items():
         file = _GRAMMARS / name
         if not file.is_file() or file.read_bytes() != text.encode("ascii"):
-            found.append(name)
+            outdated.append(name)
             print(f"grammars/{name} differs from the capabilities: run python docs/generate.py")
     manual = {file.name: file.read_text(encoding="utf-8") for file in _MAN.glob("*.1")}
     if manual != man_pages():
-        found.append("man")
+        outdated.append("man")
         print("man/ differs from the help of commands: run python docs/generate.py")
     if cli_markdown(page := _CLI.read_text(encoding="utf-8")) != page:
-        found.append(_CLI.name)
+        outdated.append(_CLI.name)
         print("docs/cli.md differs from the help of commands: run python docs/generate.py")
-    return int(bool(found))
+    return int(bool(outdated))
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@
 - Pages also link to files beside docs/, which GitHub shows: on the site these links lead to the
   repository.
 - ``rules/`` and ``adr/`` in the navigation stand for their pages, rules by family.
+- Only what mike puts among other versions looks for their list, which no site from disk has.
 - GitHub draws mermaid, for which a site would load a script from elsewhere: here these pictures are
   drawn by gpsfsm.
 """
@@ -42,6 +43,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     config.site_url = f"https://{OWNER.lower()}.github.io/gpsfsm/"
     config.extra["social"] = [{"icon": "fontawesome/brands/github", "link": REPOSITORY}]
     config.nav = _filled(config.nav or [])
+    if "MIKE_DOCS_VERSION" not in os.environ:
+        config.extra.pop("version", None)
     return config
 
 

@@ -53,6 +53,15 @@ class InternalError(GpsfsmError):
     """Gpsfsm contradicts itself, so no verdict can be trusted. Please report it."""
 
 
+def installing(extra: str) -> str:
+    """The command that installs an extra of gpsfsm, for messages.
+
+    >>> print(installing("mcap"))
+    pip install 'gpsfsm[mcap]', or '.[mcap]' in a clone
+    """
+    return f"pip install 'gpsfsm[{extra}]', or '.[{extra}]' in a clone"
+
+
 def misused(function: str, expected: str, value: object, hint: str = "") -> UsageError:
     """The error of a public function that was given a value of another type than it takes."""
     text = repr(value)

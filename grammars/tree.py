@@ -42,12 +42,12 @@ def rendered(json_text: str) -> str:
 
     Raises TreeError if the text is not the tree of a plan.
 
-    >>> step = '{"interface": "generic_capabilities/WaitRunner", "parameters": {"seconds": 2.5}}'
+    >>> step = '{"interface": "demo/Wait", "parameters": {"seconds": 2.5}}'
     >>> print(rendered('{"plan": [' + step + ']}'))
     <Plan>
-        <Runner interface="generic_capabilities/WaitRunner" provider="generic_capabilities/WaitRunner" seconds="2.5"/>
+        <Runner interface="demo/Wait" provider="demo/Wait" seconds="2.5"/>
     </Plan>
-    """  # noqa: E501  (one element is one line)
+    """
     tree = _read(json_text)
     if not isinstance(tree, dict):
         raise _wrong("the answer", tree, 'an object {"plan": […]}')

@@ -3,7 +3,8 @@
 What a process of ``python -m gpsfsm`` does until it has read its modules takes longer than most of
 what tests let it do. A process forked from one that has read them is as much a process of its own:
 it has its own files, folder, environment, exit code and end. Where an environment could change how
-Python itself begins, a new one is to be started instead.
+Python itself begins, a new one is to be started instead. With ``forks`` the workers of such a
+process are forked from it in turn, and are as much children of it as those that it would start.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ import termios
 import threading
 import traceback
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,6 +47,7 @@ _UTF8 = (  # as it is where nothing is said, in the tests
     ("PYTHONUTF8", "1"),
 )
 _HEAVY = ("httpx", "lark", "lxml.etree", "networkx", "pydantic", "rich.console", "yaml", "z3")
+_QUEUE = "gpsfsm.running.serving"  # a program of the service
 _EXTRA = ("starlette.applications", "starlette.responses", "uvicorn")  # if they are installed
 _ROOT = Path(__file__).resolve().parents[1]
 
@@ -72,8 +74,12 @@ class Forked(subprocess.Popen[bytes]):
         stderr: int | IO[bytes] = subprocess.PIPE,
         module: str = "gpsfsm",
         leads: bool = False,
+        forks: bool = False,
     ) -> None:
-        """``leads``: standard input is a terminal, which is to be its own (as a login has one)."""
+        """``leads``: standard input is a terminal, which is to be its own (as a login has one).
+
+        ``forks``: the children that it starts for its own work are forked from it.
+        """
         assert can_fork(environment), environment
         self._wish = {
             "module": module,
@@ -81,28 +87,29 @@ class Forked(subprocess.Popen[bytes]):
             "folder": str(cwd or Path.cwd()),
             "environment": dict(environment),
             "leads": leads,
+            "forks": forks,
         }
         words = [module, *arguments]
         super().__init__(words, stdin=stdin, stdout=stdout, stderr=stderr)
 
-    def _execute_child(self, *given: Any) -> None:
+    def _execute_child(self, *details: Any) -> None:
         """Called by Popen, which has made the pipes."""
-        pipes = given[10:16]
+        pipes = details[10:16]
         standard = (pipes[0], pipes[3], pipes[5])
         files = [number if used == -1 else used for number, used in enumerate(standard)]
         self._line = socket.socket(socket.AF_UNIX)
         self._line.connect(_address(os.getpid()))
         socket.send_fds(self._line, [_frame(self._wish)], files)
         self._close_pipe_fds(*pipes)  # type: ignore[attr-defined]
-        self.pid = self._told()
+        self.pid = self._status()
 
-    def _told(self) -> int:
+    def _status(self) -> int:
         return int(struct.unpack("!i", _exactly(self._line, 4))[0])
 
     def _internal_poll(self, *_: object, **__: object) -> int | None:
         with self._waitpid_lock:  # type: ignore[attr-defined]  # several threads may ask at once
             if self.returncode is None and select.select([self._line], [], [], 0)[0]:
-                self.returncode = self._told()
+                self.returncode = self._status()
                 self._line.close()
         return self.returncode
 
@@ -122,20 +129,22 @@ def run_forked(
     environment: Mapping[str, str],
     timeout_s: float,
     module: str = "gpsfsm",
+    forks: bool = False,
 ) -> subprocess.CompletedProcess[bytes]:
     """``python -m MODULE ARGUMENTS…``, to its end. Raises TimeoutExpired, as ``run`` does."""
     new = tempfile.TemporaryFile  # no pipes: what the process leaves behind may hold them open
-    with new() as given, new() as out, new() as errors:
-        given.write(stdin)
-        given.seek(0)
+    with new() as child, new() as out, new() as errors:
+        child.write(stdin)
+        child.seek(0)
         with Forked(
             arguments,
             cwd=cwd,
             environment=environment,
-            stdin=given,
+            stdin=child,
             stdout=out,
             stderr=errors,
             module=module,
+            forks=forks,
         ) as process:
             try:
                 code = process.wait(timeout_s)
@@ -158,13 +167,13 @@ def _frame(wish: Mapping[str, object]) -> bytes:
 
 
 def _exactly(line: socket.socket, most: int) -> bytes:
-    found = b""
-    while len(found) < most:
-        part = line.recv(most - len(found))
+    output = b""
+    while len(output) < most:
+        part = line.recv(most - len(output))
         if not part:
             raise RuntimeError("the process that forks others has ended")
-        found += part
-    return found
+        output += part
+    return output
 
 
 @cache
@@ -203,6 +212,7 @@ wish = {{
     "folder": os.getcwd(),
     "first": os.path.dirname(sys.argv[0]),
     "environment": dict(os.environ),
+    "forks": True,
 }}
 data = json.dumps(wish).encode()
 line = socket.socket(socket.AF_UNIX)
@@ -278,8 +288,8 @@ def serve(number: int) -> None:
 
 def _tell_of_ends(lines: dict[socket.socket, int]) -> None:
     for line, child in list(lines.items()):
-        found, status = os.waitpid(child, os.WNOHANG)
-        if found:
+        pid, status = os.waitpid(child, os.WNOHANG)
+        if pid:
             del lines[line]
             _tell(line, os.waitstatus_to_exitcode(status))
 
@@ -330,6 +340,8 @@ def _become(wish: Mapping[str, Any], files: Sequence[int]) -> NoReturn:
         open(1, "w", encoding="utf-8", errors="surrogateescape"),  # noqa: SIM115
         open(2, "w", encoding="utf-8", errors="backslashreplace", buffering=1),  # noqa: SIM115
     )
+    if wish.get("forks"):
+        _fork_children()
     code: object = 1
     try:
         runpy.run_module(wish["module"], run_name="__main__", alter_sys=True)
@@ -345,3 +357,67 @@ def _become(wish: Mapping[str, Any], files: Sequence[int]) -> NoReturn:
             with suppress(OSError, ValueError, AttributeError):  # closed, perhaps by the program
                 stream.flush()
         os._exit(code if isinstance(code, int) else int(code is not None))
+
+
+# --- the children of what was forked --------------------------------------------------------------
+
+
+_former: list[object] = []
+"""Streams that would close the files of others if nobody had them any more."""
+
+
+def _fork_children() -> None:
+    """From now on fork the children of ``child_command``, which else load all modules anew."""
+    from gpsfsm.workers.child_process import child_command
+
+    start = child_command("")[:-1][:4]
+
+    class Popen(subprocess.Popen[bytes]):
+        def __init__(self, args: Any, *more: Any, **options: Any) -> None:
+            words = list(args)
+            if words[:4] == start or (words[1:3] == ["-P", "-m"] and words[3:] == [_QUEUE]):
+                options["preexec_fn"] = partial(_be_child, words[3:], options.get("env"))
+            super().__init__(args, *more, **options)
+
+    vars(subprocess)["Popen"] = Popen
+
+
+def _be_child(words: Sequence[str], environment: Mapping[str, str] | None) -> NoReturn:
+    """Be the child, once Popen has given it its files and its session; ends as that does."""
+    code = 1
+    try:
+        gc.freeze()  # what its parent had open stays in its memory, but is not to be closed by it
+        signal.set_wakeup_fd(-1)
+        for number in (signal.SIGTERM, signal.SIGCHLD, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        os.closerange(3, 1 << 20)
+        if environment is not None:
+            os.environ.clear()
+            os.environ.update(environment)
+        _former.extend((sys.stdin, sys.stdout, sys.stderr))
+        sys.stdin, sys.stdout = os.fdopen(0, closefd=False), os.fdopen(1, "w", closefd=False)
+        sys.stderr = os.fdopen(2, "w", 1, errors="backslashreplace", closefd=False)
+        sys.argv[1:] = []
+        if words == [_QUEUE]:
+            _take_name(_QUEUE)
+            sys.exit(importlib.import_module(_QUEUE).main())
+        _, target, *sys.path[:] = words
+        _take_name(target.partition(":")[0])
+        importlib.import_module("gpsfsm.workers.parent_link").main(target)
+        code = 0
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError, AttributeError):
+                stream.flush()
+        os._exit(code)
+
+
+def _take_name(module: str) -> None:
+    """Have the end of its name, for whoever looks for the process: its command is its parent's."""
+    with suppress(OSError):
+        Path("/proc/self/comm").write_text(".".join(module.split(".")[-2:]), encoding="ascii")

@@ -62,7 +62,7 @@ _NAMED_BOUNDS: SearchStrategy[Bounds] = st.sampled_from(
 )
 _MORE = st.sampled_from([0, 1, 2, None])
 # uuid and flush arrive rarely: nothing is said about such buffers
-_GIVEN = st.sampled_from(
+_ATTRIBUTES = st.sampled_from(
     [NAMES, NAMES, NAMES, (*NAMES, "uuid"), (*NAMES, "flush"), (*NAMES, "seconds")]
 )
 _TYPES = {"text": st.sampled_from(["", "string"]), "x": st.just("")}
@@ -87,21 +87,21 @@ def _subset(names: tuple[str, ...]) -> SearchStrategy[tuple[str, ...]]:
 @cache
 @st.composite
 def _parameters(draw: DrawFn) -> tuple[Parameter, ...]:
-    found = []
+    results = []
     for name in draw(_subset(NAMES)):
         required = draw(_EITHER)
         default = None if required or draw(_EITHER) else DEFAULTS[name]
-        found.append(Parameter(name, required, default, draw(_TYPES[name])))
-    return tuple(found)
+        results.append(Parameter(name, required, default, draw(_TYPES[name])))
+    return tuple(results)
 
 
 @cache
 @st.composite
 def _inputs(draw: DrawFn, parameters: tuple[str, ...]) -> tuple[Input, ...]:
-    found, fallbacks = [], st.sampled_from(["", *parameters])
+    result, fallbacks = [], st.sampled_from(["", *parameters])
     for name in draw(_subset(NAMES)):
         fallback = draw(fallbacks)
-        found.append(
+        result.append(
             Input(
                 name,
                 required=draw(_EITHER),
@@ -111,7 +111,7 @@ def _inputs(draw: DrawFn, parameters: tuple[str, ...]) -> tuple[Input, ...]:
                 type=draw(_TYPES[name]),
             )
         )
-    return tuple(found)
+    return tuple(result)
 
 
 @cache
@@ -140,60 +140,62 @@ def _bounds(draw: DrawFn) -> Bounds | None:
 @st.composite
 def _acting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
     """A runner that acts; with ``values`` it takes and gives, with ``clocks`` it occupies."""
-    known = Described("")
+    described = Described("")
     if values:
         parameters = draw(_parameters())
-        names = draw(_GIVEN)
-        known = replace(
-            known,
+        names = draw(_ATTRIBUTES)
+        described = replace(
+            described,
             parameters=parameters,
             inputs=draw(_inputs(tuple(one.name for one in parameters))),
             outputs=draw(_outputs(names)),
         )
     if clocks:
-        known = replace(
-            known,
-            parameters=(*known.parameters, Parameter("seconds", type="double")),
+        described = replace(
+            described,
+            parameters=(*described.parameters, Parameter("seconds", type="double")),
             resources=draw(_subset(RESOURCES)),
             duration=draw(_bounds()),
             energy=draw(_bounds()),
         )
-    return known
+    return described
 
 
 @cache
 @st.composite
 def _prompting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
     """A runner that prompts a model."""
-    known = draw(_acting(values=values, clocks=clocks))
+    drawn = draw(_acting(values=values, clocks=clocks))
     answer = draw(_ANSWERS)
-    outputs = tuple(one for one in known.outputs if (one.name, one.event) != (answer, SUCCEEDED))
-    given = (Output(answer),) if answer else ()
+    outputs = tuple(one for one in drawn.outputs if (one.name, one.event) != (answer, SUCCEEDED))
+    answers = (Output(answer),) if answer else ()
     kind = draw(_TYPES["text"])
     own = (
         Parameter("uuid", default=draw(_UUIDS), type=kind),
         Parameter("flush", default=draw(_EITHER)),
     )
-    falls_back = known.parameter("text") is not None and draw(_ONE_OF_FOUR) == 3
+    falls_back = drawn.parameter("text") is not None and draw(_ONE_OF_FOUR) == 3
     stand_in = (Input("uuid", fallback="text", type=kind),) if falls_back else ()
     return replace(
-        known,
-        parameters=(*known.parameters, *own),
-        inputs=(*known.inputs, *stand_in),
-        outputs=(*outputs, *given),
+        drawn,
+        parameters=(*drawn.parameters, *own),
+        inputs=(*drawn.inputs, *stand_in),
+        outputs=(*outputs, *answers),
         prompt=Prompt("uuid", "flush", answer),
     )
 
 
-def _declared(draw: DrawFn, known: Described) -> Described:
+def _declared(draw: DrawFn, described: Described) -> Described:
     """The same with declared outcomes, mostly none."""
     kind = draw(_OUTCOMES)
     if kind != "never fails":
-        return replace(known, may_hang=kind == "may hang", never_succeeds=kind == "never succeeds")
-    stands_in = [one.name for one in known.inputs if one.fallback and one.name != "uuid"]
+        return replace(
+            described, may_hang=kind == "may hang", never_succeeds=kind == "never succeeds"
+        )
+    stands_in = [one.name for one in described.inputs if one.fallback and one.name != "uuid"]
     if len(stands_in) > 0 and draw(_EITHER):  # what is written for another name decides
-        return replace(known, never_fails=True, unless=((stands_in[0], draw(_STATED)),))
-    return replace(known, never_fails=True, unless=draw(_UNLESS))
+        return replace(described, never_fails=True, unless=((stands_in[0], draw(_STATED)),))
+    return replace(described, never_fails=True, unless=draw(_UNLESS))
 
 
 @cache
@@ -211,34 +213,36 @@ def libraries(
 
     With ``goals`` some of them achieve something.
     """
-    found = []
+    results = []
     kinds = ("Go", "Say", *(("Ask", "Tell") if prompts else ()))
     for name in kinds:
         for provider in ("", "Other") if draw(_EITHER) else ("",):
             make = _prompting if name in ("Ask", "Tell") else _acting
-            known = draw(make(values=values, clocks=clocks))
+            drawn = draw(make(values=values, clocks=clocks))
             if outcomes:
-                known = _declared(draw, known)
+                drawn = _declared(draw, drawn)
             if goals:
-                known = replace(known, achieves=draw(_EITHER))
-            found.append(
+                drawn = replace(drawn, achieves=draw(_EITHER))
+            results.append(
                 replace(
-                    known,
+                    drawn,
                     interface=f"demo_capabilities/{name}Runner",
                     provider=f"demo_runners/{name}{provider}",
                 )
             )
-    return tuple(found)
+    return tuple(results)
 
 
 def _runner(draw: DrawFn, library: tuple[Described, ...], undescribed: bool) -> R:
     if undescribed and draw(_ONE_OF_FOUR) == 3:
         return R(UNDESCRIBED[0], provider=UNDESCRIBED[1])
-    known = library[draw(st.integers(0, len(library) - 1))]
-    names = sorted({one.name for one in known.parameters} | {one.name for one in known.inputs})
-    written = _STATING if known.unless else _WRITTEN
+    described = library[draw(st.integers(0, len(library) - 1))]
+    names = sorted(
+        {one.name for one in described.parameters} | {one.name for one in described.inputs}
+    )
+    written = _STATING if described.unless else _WRITTEN
     words = [f"{name}={draw(written[name])}" for name in names if draw(_EITHER)]
-    return R(" ".join([known.interface, *words]), provider=known.provider)
+    return R(" ".join([described.interface, *words]), provider=described.provider)
 
 
 @st.composite
@@ -297,22 +301,24 @@ def with_own_providers(whole: P, library: tuple[Described, ...]) -> tuple[P, tup
         return replace(node, provider=f"demo_runners/{node.interface}")
 
     plan = P(tuple(provided(child) for child in whole.children))
-    own = [replace(known, provider=f"demo_runners/{known.interface}") for known in library]
+    own = [
+        replace(described, provider=f"demo_runners/{described.interface}") for described in library
+    ]
     return plan, tuple(own)
 
 
 def to_library(library: tuple[Described, ...]) -> Library:
     """The library in the form of the product."""
-    names = sorted({known.interface for known in library})
-    providers = sorted((_provider(known) for known in library), key=lambda one: one.name)
+    names = sorted({described.interface for described in library})
+    providers = sorted((_provider(described) for described in library), key=lambda one: one.name)
     return Library(tuple(product.Interface(name) for name in names), tuple(providers))
 
 
-def _provider(known: Described) -> product.Provider:
-    prompt = known.prompt
+def _provider(described: Described) -> product.Provider:
+    prompt = described.prompt
     return product.Provider(
-        name=known.provider,
-        implements=known.interface,
+        name=described.provider,
+        implements=described.interface,
         described=True,
         configuration=tuple(
             product.Parameter(
@@ -321,7 +327,7 @@ def _provider(known: Described) -> product.Provider:
                 one.required,
                 one.default,
             )
-            for one in known.parameters
+            for one in described.parameters
         ),
         inputs=tuple(
             product.Input(
@@ -332,7 +338,7 @@ def _provider(known: Described) -> product.Provider:
                 satisfiable_from=tuple(product.Source(source) for source in one.sources),
                 fallback=one.fallback,
             )
-            for one in known.inputs
+            for one in described.inputs
         ),
         outputs=tuple(
             product.Output(
@@ -342,19 +348,19 @@ def _provider(known: Described) -> product.Provider:
                 optional=one.optional,
                 status=one.status,
             )
-            for one in known.outputs
+            for one in described.outputs
         ),
         outcomes=product.Outcomes(
-            known.never_fails, known.never_succeeds, known.may_hang, known.unless
+            described.never_fails, described.never_succeeds, described.may_hang, described.unless
         ),
-        duration=None if known.duration is None else product.Span(*known.duration),
-        energy=None if known.energy is None else product.Span(*known.energy),
-        resources=known.resources,
+        duration=None if described.duration is None else product.Span(*described.duration),
+        energy=None if described.energy is None else product.Span(*described.energy),
+        resources=described.resources,
         effects=product.Effects(
             None
             if prompt is None
             else product.PromptBuffer(prompt.uuid, prompt.flush, prompt.answer),
-            known.sets_plan,
+            described.sets_plan,
         ),
-        achieves=known.achieves,
+        achieves=described.achieves,
     )

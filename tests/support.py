@@ -55,12 +55,12 @@ def facts_as_dict(facts: Facts | None) -> dict[str, Any] | None:
     """Facts in the form of the JSON contract."""
     if facts is None:
         return None
-    found = asdict(facts)
-    assert found.pop("engine") is found.pop("machine") is None
+    fields = asdict(facts)
+    assert fields.pop("engine") is fields.pop("machine") is None
     for name in ("completes", "gives_up", "stuck"):
-        found[name] = str(found[name])
+        fields[name] = str(fields[name])
     for name in ("unreachable", "orphans", "join_deadlocks"):
-        found[name] = list(found[name])
-    assert not found.pop("swallowed"), "these runners achieve nothing, so no goal is missed"
-    found["dangling"] = [{**event, "event": str(event["event"])} for event in found["dangling"]]
-    return found
+        fields[name] = list(fields[name])
+    assert not fields.pop("swallowed"), "these runners achieve nothing, so no goal is missed"
+    fields["dangling"] = [{**event, "event": str(event["event"])} for event in fields["dangling"]]
+    return fields

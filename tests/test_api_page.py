@@ -43,8 +43,8 @@ def not_public(statement: str) -> list[str]:
         return [each.name for each in node.names if each.name.startswith("gpsfsm.")]
     assert isinstance(node, ast.ImportFrom)
     faces = {"gpsfsm": {*gpsfsm.__all__, "strategies"}, "gpsfsm.strategies": set(dir(strategies))}
-    known = faces.get(node.module or "", set())
-    return [f"{node.module}.{each.name}" for each in node.names if each.name not in known]
+    response = faces.get(node.module or "", set())
+    return [f"{node.module}.{each.name}" for each in node.names if each.name not in response]
 
 
 def test_private_imports_are_noticed() -> None:
@@ -69,8 +69,8 @@ def test_pages_import_public_names_only(page: Path) -> None:
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
 def test_examples_import_public_names_only(file: Path) -> None:
-    found = imports_in(file.read_text(encoding="utf-8"))
-    assert [wrong for one in found for wrong in not_public(one)] == []
+    imports = imports_in(file.read_text(encoding="utf-8"))
+    assert [wrong for one in imports for wrong in not_public(one)] == []
 
 
 def generator() -> Any:

@@ -41,8 +41,8 @@ def page(folder: Path, *lines: str) -> Path:
 
 def documents() -> list[Path]:
     names = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
-    found = [*(REPO / name for name in names), *sorted((REPO / "docs").rglob("*.md"))]
-    return [file for file in found if file.exists()]
+    results = [*(REPO / name for name in names), *sorted((REPO / "docs").rglob("*.md"))]
+    return [file for file in results if file.exists()]
 
 
 def page_name(file: Path) -> str:
@@ -63,8 +63,8 @@ WITH_COMMANDS = [
 def test_commands_print_what_the_documentation_shows(document: Path, tmp_path: Path) -> None:
     """A test for each page: ``make docs-check`` runs them, on all cores."""
     write_program(tmp_path)
-    found = check(document, "--programs", tmp_path)
-    assert found.returncode == 0, found.stdout + found.stderr
+    report = check(document, "--programs", tmp_path)
+    assert report.returncode == 0, report.stdout + report.stderr
 
 
 def test_pages_are_checked_apart_and_none_is_left_out() -> None:
@@ -98,8 +98,8 @@ def test_pages_are_checked_apart_and_none_is_left_out() -> None:
     ],
 )
 def test_accepts_what_is_printed(tmp_path: Path, lines: tuple[str, ...]) -> None:
-    found = check(page(tmp_path, *lines))
-    assert found.returncode == 0, found.stdout
+    report = check(page(tmp_path, *lines))
+    assert report.returncode == 0, report.stdout
 
 
 @pytest.mark.parametrize(
@@ -119,10 +119,10 @@ def test_accepts_what_is_printed(tmp_path: Path, lines: tuple[str, ...]) -> None
 def test_refuses_what_is_not_printed(
     tmp_path: Path, lines: tuple[str, ...], difference: str
 ) -> None:
-    found = check(page(tmp_path, *lines))
-    assert found.returncode == 1
-    assert difference in found.stdout
-    assert "page.md:3: $ " in found.stdout
+    report = check(page(tmp_path, *lines))
+    assert report.returncode == 1
+    assert difference in report.stdout
+    assert "page.md:3: $ " in report.stdout
 
 
 @pytest.mark.parametrize(
@@ -155,8 +155,8 @@ def test_what_is_printed_now_is_written(
     before = "Text before.\n"
     file = page(tmp_path, *lines)
     file.write_text(before + file.read_text("utf-8") + "Text behind.\n", encoding="utf-8")
-    found = check("--write", file)
-    assert found.returncode == 0, found.stdout
+    report = check("--write", file)
+    assert report.returncode == 0, report.stdout
     text = file.read_text("utf-8")
     assert text == before + page(tmp_path, *written).read_text("utf-8") + "Text behind.\n"
     file.write_text(text, encoding="utf-8")
@@ -177,10 +177,10 @@ def test_what_somebody_has_to_look_at_is_listed(
     tmp_path: Path, lines: tuple[str, ...], written: tuple[str, ...], remark: str
 ) -> None:
     file = page(tmp_path, *lines)
-    found = check("--write", file)
-    assert found.returncode == 1
-    assert f"page.md:3: {lines[0]}" in found.stdout
-    assert remark in found.stdout
+    report = check("--write", file)
+    assert report.returncode == 1
+    assert f"page.md:3: {lines[0]}" in report.stdout
+    assert remark in report.stdout
     assert file.read_text("utf-8") == page(tmp_path, *written).read_text("utf-8")
 
 
@@ -192,10 +192,10 @@ def test_what_is_as_shown_is_not_written(tmp_path: Path) -> None:
 
 
 def test_the_programs_of_this_installation_come_first(tmp_path: Path) -> None:
-    found = check(
+    report = check(
         page(tmp_path, "$ command -v python", str(Path(sys.executable).parent / "python"))
     )
-    assert found.returncode == 0, found.stdout
+    assert report.returncode == 0, report.stdout
 
 
 def test_nothing_is_configured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,9 +211,9 @@ def test_nothing_is_configured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_only_console_blocks_are_run(tmp_path: Path) -> None:
     file = tmp_path / "page.md"
     file.write_text(f"{FENCE}sh\n$ exit 3\n{FENCE}\n$ exit 4\n", encoding="utf-8")
-    found = check(file)
-    assert found.returncode == 2
-    assert "0 commands" in found.stdout
+    report = check(file)
+    assert report.returncode == 2
+    assert "0 commands" in report.stdout
 
 
 @pytest.mark.parametrize(
@@ -226,9 +226,9 @@ def test_only_console_blocks_are_run(tmp_path: Path) -> None:
 def test_refuses_blocks_that_make_no_sense(tmp_path: Path, text: str, complaint: str) -> None:
     file = tmp_path / "page.md"
     file.write_text(text, encoding="utf-8")
-    found = check(file)
-    assert found.returncode == 1
-    assert complaint in found.stdout
+    report = check(file)
+    assert report.returncode == 1
+    assert complaint in report.stdout
 
 
 def test_a_missing_file_is_a_failure(tmp_path: Path) -> None:
@@ -257,14 +257,14 @@ def test_pages_have_no_characters_that_nobody_sees() -> None:
 @pytest.mark.parametrize("script", ["pictures.py", "engines.py"])
 def test_pictures_are_what_the_compiler_makes(script: str) -> None:
     """And the plans of docs/engines.md end as is written there by hand."""
-    found = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, str(REPO / "docs" / script), "--check"],
         capture_output=True,
         text=True,
         timeout=120,
         check=False,
     )
-    assert found.returncode == 0, found.stdout + found.stderr
+    assert completed.returncode == 0, completed.stdout + completed.stderr
 
 
 def _without_code(text: str) -> str:

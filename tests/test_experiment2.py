@@ -30,9 +30,9 @@ def fixture_findings(shared_corpus: Path) -> Findings:
     return lambda name: gpsfsm.check(folder / f"{name}__llm_response_1.xml").plans[0].findings
 
 
-def only(found: Sequence[Finding], rule: str, line: int) -> Finding:
+def only(findings: Sequence[Finding], rule: str, line: int) -> Finding:
     """The one finding of this rule on this line."""
-    (finding,) = [one for one in found if (one.rule, one.location.line) == (rule, line)]
+    (finding,) = [one for one in findings if (one.rule, one.location.line) == (rule, line)]
     return finding
 
 
@@ -78,11 +78,11 @@ def test_a_summary_that_gets_nothing_to_summarise(
 
 def test_the_good_run_is_rejected_for_its_one_flaw_only(findings: Findings) -> None:
     """It did its task; then it set an empty plan, which the server refused, as the log shows."""
-    found = findings("it2_plan_5")
-    (error,) = [finding for finding in found if finding.severity is Severity.ERROR]
+    reported = findings("it2_plan_5")
+    (error,) = [finding for finding in reported if finding.severity is Severity.ERROR]
     assert (error.rule, error.location.line) == ("GP414", 9)
     assert "sets an empty plan" in error.message
-    assert "ImageAnalysisRunner" in only(found, "GP403", 6).message
+    assert "ImageAnalysisRunner" in only(reported, "GP403", 6).message
 
 
 def test_a_name_that_never_gets_to_the_speech(findings: Findings) -> None:
@@ -111,23 +111,23 @@ def test_the_readme_shows_it_as_it_is_printed(
 
 def test_a_condition_that_is_written_as_a_recovery(findings: Findings) -> None:
     """The robot never went to B: the recovery waits for a prompt to fail, which never happens."""
-    found = findings("it2_plan_7")
-    finding = only(found, "GP312", 13)
+    reported = findings("it2_plan_7")
+    finding = only(reported, "GP312", 13)
     assert "does not depend on what PromptTextRunner" in finding.message
     assert "at line 10 says: this prompt never fails" in finding.message
     assert [place.location.line for place in finding.related] == [10]
-    assert only(found, "GP403", 10).severity is Severity.WARNING
-    assert any(one.rule == "GP101" and "&lt" in one.message for one in found)
+    assert only(reported, "GP403", 10).severity is Severity.WARNING
+    assert any(one.rule == "GP101" and "&lt" in one.message for one in reported)
 
 
 def test_a_decision_that_is_left_to_a_prompt_that_is_never_sent(findings: Findings) -> None:
     """The robot stayed where it was: the model was never asked."""
-    found = findings("it2_plan_7a")
-    prompt = only(found, "GP414", 6)
+    reported = findings("it2_plan_7a")
+    prompt = only(reported, "GP414", 6)
     assert prompt.severity is Severity.ERROR
     assert "only buffers its prompt and does not ask the model" in prompt.message
     assert [place.location.line for place in prompt.related] == [8]
-    context = only(found, "GP411", 5)
+    context = only(reported, "GP411", 5)
     assert context.message.endswith("nothing flushes the buffer 'task_person_check'")
 
 

@@ -146,19 +146,19 @@ class TestTime:
         assert within.stdout == without.stdout
 
     @pytest.mark.parametrize(
-        ("words", "told"),
+        ("words", "message"),
         [
             (("--fix",), b"--time-limit cannot be used with --fix"),
             (("--jobs", "ray"), b"there is no time limit with --jobs ray"),
         ],
     )
     def test_where_it_makes_no_sense(
-        self, tmp_path: Path, words: tuple[str, ...], told: bytes
+        self, tmp_path: Path, words: tuple[str, ...], message: bytes
     ) -> None:
         write(tmp_path, a=ACCEPTED)
         done = run("check", "a.xml", "--time-limit", "5", *words, cwd=tmp_path)
         assert done.returncode == 2
-        assert told in done.stderr
+        assert message in done.stderr
 
 
 @needs_pipes
@@ -291,9 +291,9 @@ def test_no_command_waits_for_ever(tmp_path: Path) -> None:
     processes = [(words, hurried(*words, cwd=tmp_path)) for words in commands]
     for words, process in processes:
         out, err = process.communicate(timeout=60)
-        told = out + err
-        assert b"pipe" in told, words
-        assert b"Traceback" not in told, words
+        message = out + err
+        assert b"pipe" in message, words
+        assert b"Traceback" not in message, words
         if "--capabilities" not in words:  # a defective file is a finding
             assert process.returncode == 2, words
 

@@ -30,13 +30,13 @@ def test_the_packages_listed_are_those_of_the_tree() -> None:
     roots = {"gpsfsm": "gpsfsm"} | {
         f"gpsfsm.{name}": name for name in ("analysis", "grammars", "runners")
     }
-    found = set()
+    actual = set()
     for package, folder in roots.items():
         for file in (REPO / folder).rglob("__init__.py"):
             if not any(part.is_symlink() for part in file.parents if part.is_relative_to(REPO)):
                 inner = file.parent.relative_to(REPO / folder).parts
-                found.add(".".join([package, *inner]))
-    assert set(PYPROJECT["tool"]["setuptools"]["packages"]) == found
+                actual.add(".".join([package, *inner]))
+    assert set(PYPROJECT["tool"]["setuptools"]["packages"]) == actual
 
 
 def test_every_data_file_is_packaged() -> None:
@@ -199,21 +199,21 @@ def test_the_structural_pass_asks_a_solver_about_durations_alone() -> None:
 
 def modules_with_examples() -> list[str]:
     """The modules of the product that have a doctest, by their full names."""
-    found = []
+    results = []
     for folder in PRODUCT:
         for file in (REPO / folder).rglob("*.py"):
             path = file.resolve().relative_to(REPO.resolve())
             if ">>> " in file.read_text(encoding="utf-8"):
                 parts = [*path.parts[:-1], *([] if path.stem == "__init__" else [path.stem])]
-                found.append(".".join(parts if parts[0] == "gpsfsm" else ["gpsfsm", *parts]))
-    return sorted(set(found))
+                results.append(".".join(parts if parts[0] == "gpsfsm" else ["gpsfsm", *parts]))
+    return sorted(set(results))
 
 
 @pytest.mark.parametrize("module", modules_with_examples())
 def test_examples_in_docstrings(module: str) -> None:
-    found = doctest.testmod(importlib.import_module(module))
-    assert found.attempted > 0
-    assert found.failed == 0
+    outcome = doctest.testmod(importlib.import_module(module))
+    assert outcome.attempted > 0
+    assert outcome.failed == 0
 
 
 def test_examples_are_found() -> None:

@@ -26,6 +26,7 @@ from gpsfsm.model.report import Report
 from gpsfsm.model.report import Verdict as CheckVerdict
 from gpsfsm.report import RenderOptions, render
 from gpsfsm.tasks.load import load_task
+from tests.cases import ALL
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -100,13 +101,13 @@ def test_goals_inside_recoveries_are_told(shared_corpus: Path) -> None:
     reports = checked(root / "fabric")
     for row in rows:
         report = reports[row["path"].removeprefix("fabric/")]
-        found = {finding.rule for finding in report.findings}
+        rules = {finding.rule for finding in report.findings}
         if row["shape"] == "F008" or row["path"].endswith("gpt-4o/zeroshot/task3/05.xml"):
-            assert "GP310" in found, row["path"]
+            assert "GP310" in rules, row["path"]
         elif row["shape"] == "F011":
-            assert "GP307" in found, row["path"]
+            assert "GP307" in rules, row["path"]
         if row["human"] == "S":
-            assert not found & {"GP307", "GP310"}, row["path"]
+            assert not rules & {"GP307", "GP310"}, row["path"]
 
 
 def test_every_raw_answer_gets_a_verdict(shared_corpus: Path) -> None:
@@ -178,7 +179,10 @@ def test_the_gate_agrees_with_people(shared_corpus: Path, engine: str) -> None:
 
 
 def test_the_gate_accepts_no_planted_defect(shared_corpus: Path) -> None:
-    """One defect each in plans that were a success; all their runs are played to judge them."""
+    """One defect each in plans that were a success; all their runs are played to judge them.
+
+    In every 36th of these plans; CASES=all takes every 12th.
+    """
     answers = figures.read_experiment(str(shared_corpus / "experiment1"))
     graded = [each for each in answers if each.human is Grade.SUCCESS]
     tasks = {
@@ -186,12 +190,12 @@ def test_the_gate_accepts_no_planted_defect(shared_corpus: Path) -> None:
     }
     judged = [
         (one, figures.gate(one.text, tasks[one.task], "paper"))
-        for one in figures.mutants(graded[::12])
+        for one in figures.mutants(graded[:: 12 if ALL else 36])
     ]
     unsafe = [verdict for one, verdict in judged if one.unsafe]
     safe = [verdict for one, verdict in judged if one.same]
-    assert len(unsafe) > 100
-    assert len(safe) > 5
+    assert len(unsafe) > (100 if ALL else 30)
+    assert len(safe) > (5 if ALL else 1)
     assert not any(verdict.accepted for verdict in unsafe)
     assert sum(verdict.accepted for verdict in safe) > 0.95 * len(safe)
     assert all(verdict.reason.exit_code != 2 for _, verdict in judged)

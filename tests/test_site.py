@@ -113,14 +113,15 @@ def test_pictures_of_engines_are_drawn() -> None:
     assert all(HOOK._drawn(each).startswith('<div class="picture">\n<svg') for each in fences)
 
 
-def build(folder: Path) -> None:
-    """Build the site, strictly; skipped where MkDocs is not."""
+def build(folder: Path, version: str = "") -> None:
+    """Build the site, strictly, or a version of it as mike does; skipped where MkDocs is not."""
     if find_spec("material") is None:
         pytest.skip("MkDocs Material is not installed")
+    of_version = {"MIKE_DOCS_VERSION": version} if version else {}
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(folder)],
         cwd=REPO,
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1", **of_version},
         capture_output=True,
         text=True,
         timeout=300,

@@ -72,16 +72,16 @@ def test_values_keep_to_what_is_declared() -> None:
         Parameter("cold", ValueType.DOUBLE, required=True, maximum=-2.0),
     )
     provider = Provider("a/A", implements="a/A", described=True, configuration=described)
-    known = Library((Interface("a/A"),), (provider,))
+    library = Library((Interface("a/A"),), (provider,))
 
-    @given(runners(known))
+    @given(runners(library))
     def check(text: str) -> None:
         parsed = parse(f"<Plan>{text}</Plan>").plan
         assert parsed is not None
-        given_values = parsed.runners[0].parameters
-        assert given_values["level"] in (3, 4, 5)
-        assert given_values["mode"] in ("fast", "slow")
-        assert float(given_values["cold"]) <= -2.0
+        parameters = parsed.runners[0].parameters
+        assert parameters["level"] in (3, 4, 5)
+        assert parameters["mode"] in ("fast", "slow")
+        assert float(parameters["cold"]) <= -2.0
 
     check()
     with pytest.raises(ValueError, match="no runner"):
@@ -109,8 +109,8 @@ def test_controls(text: str) -> None:
 
 
 @given(forests(st.just(1), lambda _word, inside: sum(inside), size=7))
-def test_forests_hold_exactly_as_many_runners_as_asked_for(found: tuple[int, ...]) -> None:
-    assert sum(found) == 7
+def test_forests_hold_exactly_as_many_runners_as_asked_for(expected: tuple[int, ...]) -> None:
+    assert sum(expected) == 7
 
 
 @given(st.data(), plans(max_runners=4))
@@ -125,9 +125,9 @@ def test_scenarios_shrink_to_the_plain_one() -> None:
     go = '<Runner interface="a/Go" provider="a/Go"/>'
     subject = subject_of(f"<Plan>{go * 3}</Plan>")
     assert find(scenarios(subject), lambda _: True, settings=ONCE) == subject.plain
-    found = find(scenarios(subject), lambda each: len(each.faults) > 1, settings=ONCE)
-    assert len(found.faults) == 2
-    assert {act.fate for act in found.acts} == {"SUCCEEDED", "FAILED"}
+    example = find(scenarios(subject), lambda each: len(each.faults) > 1, settings=ONCE)
+    assert len(example.faults) == 2
+    assert {act.fate for act in example.acts} == {"SUCCEEDED", "FAILED"}
 
 
 @given(worlds())
@@ -179,7 +179,7 @@ SIMPLE = plans(
 
 
 def with_defect(name: str) -> Any:
-    return answers(SIMPLE, defects=(name,), min_defects=1).filter(lambda found: found.defects)
+    return answers(SIMPLE, defects=(name,), min_defects=1).filter(lambda actual: actual.defects)
 
 
 def rules_of(answer: Answer) -> set[str]:
@@ -213,7 +213,7 @@ def test_what_is_around_a_plan_leaves_it_as_it_is(name: str, data: st.DataObject
 def test_all_defects_are_tried_here_and_have_a_line_of_words() -> None:
     structure = {"recovery-holds-goal", "goals-in-parallel", "rest-in-recovery", "behaviour-tree"}
     assert set(EXPECTED) | set(HARMLESS) | structure == set(DEFECTS)
-    assert all(told.endswith(".") for told in DEFECTS.values())
+    assert all(value.endswith(".") for value in DEFECTS.values())
 
 
 @settings(suppress_health_check=list(HealthCheck))
@@ -229,9 +229,9 @@ def test_no_answer_is_too_much_for_the_front_end(answer: Answer) -> None:
 
 
 def test_answers_shrink_to_a_plan() -> None:
-    found = find(answers(SIMPLE), lambda _: True, settings=ONCE)
-    assert found.defects == ()
-    assert found.text == found.plan
+    example = find(answers(SIMPLE), lambda _: True, settings=ONCE)
+    assert example.defects == ()
+    assert example.text == example.plan
 
 
 def test_an_unknown_defect_is_refused() -> None:

@@ -34,13 +34,13 @@ _HOSTILE = st.text(
 
 def _modules() -> list[Path]:
     folders = ("gpsfsm", "analysis", "grammars", "runners")
-    found = {path.resolve() for folder in folders for path in (ROOT / folder).rglob("*.py")}
-    return sorted(path for path in found if str(path.relative_to(ROOT)) not in _EXEMPT)
+    actual = {path.resolve() for folder in folders for path in (ROOT / folder).rglob("*.py")}
+    return sorted(path for path in actual if str(path.relative_to(ROOT)) not in _EXEMPT)
 
 
 def _around(code: str) -> list[str]:
     """The lines of a module that write to a standard stream, or could."""
-    found = []
+    results = []
     for node in ast.walk(ast.parse(code)):
         what = ""
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
@@ -66,14 +66,14 @@ def _around(code: str) -> list[str]:
                 if isinstance(first, ast.Constant) and first.value in (1, 2):
                     what = "os.write()"
         if what:
-            found.append(f"{node.lineno}: {what}")  # type: ignore[attr-defined]
-    return found
+            results.append(f"{node.lineno}: {what}")  # type: ignore[attr-defined]
+    return results
 
 
 def test_no_module_goes_around_it() -> None:
     assert len(_modules()) > 400
-    found = {path: _around(path.read_text(encoding="utf-8")) for path in _modules()}
-    assert {path: places for path, places in found.items() if places} == {}
+    actual = {path: _around(path.read_text(encoding="utf-8")) for path in _modules()}
+    assert {path: places for path, places in actual.items() if places} == {}
 
 
 def test_that_test_would_notice() -> None:

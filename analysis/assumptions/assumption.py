@@ -28,7 +28,7 @@ from gpsfsm.analysis.assumptions.parser import (
     InterfaceSelector,
     LabelSelector,
     LineSelector,
-    Mistake,
+    MistakeError,
     PathSelector,
     Quantifier,
     Selector,
@@ -83,7 +83,7 @@ class Assumption:
         """
         try:
             formula, unmatched = formula_of(self.statement, instances or Instances(plan))
-        except parser.Mistake as mistake:
+        except parser.MistakeError as mistake:
             raise parser.error_at(self.text, mistake) from None
         return Bound(self.text, formula, unmatched)
 
@@ -106,7 +106,7 @@ def parse_assumption(text: str) -> Assumption:
 
     try:
         return Assumption(text, statement_of(text))
-    except parser.Mistake as mistake:
+    except parser.MistakeError as mistake:
         raise parser.error_at(text, mistake) from None
     except UnexpectedInput as error:
         raise parser.syntax_error(text, error) from None
@@ -122,7 +122,7 @@ class Instances:
     def select(self, selector: Selector) -> Sequence[int]:
         """The numbers of the instances that ``selector`` selects, in document order.
 
-        Raises Mistake for a line or an element path without runner.
+        Raises MistakeError for a line or an element path without runner.
         """
         if selector not in self._selected:
             self._selected[selector] = self._select(selector)
@@ -156,7 +156,7 @@ class Instances:
         numbers = self._covering(selector.line)
         if not numbers:
             hint = self._near(selector.line)
-            raise Mistake(selector.at, f"line {selector.line} contains no runner", hint=hint)
+            raise MistakeError(selector.at, f"line {selector.line} contains no runner", hint=hint)
         if selector.column is None:
             return numbers
         there = [self.plan.runners[number] for number in numbers]
@@ -168,7 +168,7 @@ class Instances:
         if not exact:
             places = listed(f"{runner.line}:{runner.column}" for runner in there)
             wrong = f"no runner starts at {selector.line}:{selector.column}"
-            raise Mistake(selector.at, wrong, hint=f"write where a start tag begins: {places}")
+            raise MistakeError(selector.at, wrong, hint=f"write where a start tag begins: {places}")
         return exact
 
     def _covering(self, line: int) -> list[int]:
@@ -207,7 +207,7 @@ class Instances:
                 here = self.plan.path(current)
                 inside = listed(f"{kind}[{number}]" for kind, number in steps) or "nothing"
                 wrong = f"there is no {here}/{tag}[{ordinal}]"
-                raise Mistake(selector.at, wrong, hint=f"{here} contains {inside}")
+                raise MistakeError(selector.at, wrong, hint=f"{here} contains {inside}")
             current = steps[tag, ordinal]
         return current
 
@@ -230,7 +230,7 @@ class Instances:
 
     def _empty(self, selector: PathSelector) -> Sequence[int]:
         wrong = f"there is no runner inside {short(selector)}"
-        raise Mistake(selector.at, wrong, hint="name a runner, or a control that contains one")
+        raise MistakeError(selector.at, wrong, hint="name a runner, or a control that contains one")
 
     def _of_interface(self, selector: InterfaceSelector) -> Sequence[int]:
         fits = _interface_test(selector)
@@ -294,7 +294,7 @@ _MAX_ATOMS = 1_000_000
 def formula_of(statement: Statement, instances: Instances) -> tuple[Formula, tuple[str, ...]]:
     """The formula of ``statement`` for a plan, and the selectors that select nothing in it.
 
-    Raises Mistake where a selector does not fit the plan.
+    Raises MistakeError where a selector does not fit the plan.
     """
     binder = _Binder(instances)
     formula = binder.formula(statement)
@@ -327,7 +327,7 @@ class _Binder:
         if self._atoms > _MAX_ATOMS:
             wrong = f"the assumption refers to more than {_MAX_ATOMS} runner instances"
             hint = "select fewer, or say less in one assumption"
-            raise Mistake(claim.selectors[0].at, wrong, hint=hint)
+            raise MistakeError(claim.selectors[0].at, wrong, hint=hint)
         if claim.verb.word == "agree":
             return Agree(tuple(chosen)) if len(chosen) > 1 else Constant(True)
         if claim.quantifier.word == "the":
@@ -350,7 +350,7 @@ class _Binder:
         runners = [self._instances.plan.runners[number] for number in chosen]
         name = short(selector)
         places = listed(f"'line {runner.line}:{runner.column}'" for runner in runners)
-        raise Mistake(
+        raise MistakeError(
             selector.at,
             f"'{name}' selects {len(chosen)} runner instances",
             hint=f"write 'any {name}' (at least one of them) or 'all {name}' (each of"

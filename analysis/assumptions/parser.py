@@ -178,7 +178,7 @@ _MAX_DEPTH = 50
 
 
 def statement_of(text: str) -> Statement:
-    """Parse ``text``; raises Mistake, or lark's UnexpectedInput where the grammar is violated."""
+    """Parse ``text``; raises MistakeError, or lark's UnexpectedInput for what is no statement."""
     return cast("Statement", _parser().parse(text))
 
 
@@ -237,7 +237,7 @@ class _Builder:
         selectors = chosen if isinstance(chosen, tuple) else (chosen,)
         if verb.word == "agree" and quantifier.word != "all":
             wrong = f"'agree' applies to all instances, not to '{quantifier}'"
-            raise Mistake(selectors[0].at, wrong)
+            raise MistakeError(selectors[0].at, wrong)
         return Claim(quantifier, selectors, _ever(ever, verb))
 
     def tally(self, parts: list[Any]) -> Statement:
@@ -274,7 +274,7 @@ class _Builder:
         steps = parts[0].removeprefix("/Plan")
         if not parts[0].startswith("/Plan") or _STEP.sub("", steps):
             wrong = "an element path looks like /Plan/Control[1]/Runner[2], counting from 1"
-            raise Mistake(_at(parts[0]), wrong)
+            raise MistakeError(_at(parts[0]), wrong)
         path_steps = tuple((tag, int(ordinal)) for tag, ordinal in _STEP.findall(steps))
         return PathSelector(path_steps, _at(parts[0]))
 
@@ -300,7 +300,7 @@ def _compound(operator: Any, parts: Sequence[Statement]) -> Statement:
 
 def _bounded(statement: Tally | Compound) -> Statement:
     if statement.depth > _MAX_DEPTH:
-        raise Mistake(0, f"an assumption nests at most {_MAX_DEPTH} levels deep")
+        raise MistakeError(0, f"an assumption nests at most {_MAX_DEPTH} levels deep")
     return statement
 
 
@@ -357,7 +357,7 @@ _WORDS = {
 _TOKEN = re.compile(r"[\w*?./-]+|\S")
 
 
-class Mistake(Exception):  # noqa: N818  (never leaves this package)
+class MistakeError(Exception):
     """Something wrong at an offset of the text; ``hint`` says what to write instead."""
 
     def __init__(self, at: int, message: str, *, hint: str = "") -> None:
@@ -378,7 +378,7 @@ def empty() -> AssumptionError:
     return AssumptionError(f"{message}\n{_EXAMPLE}", summary=message, hint=_EXAMPLE)
 
 
-def error_at(text: str, mistake: Mistake) -> AssumptionError:
+def error_at(text: str, mistake: MistakeError) -> AssumptionError:
     """The error for a mistake in ``text``."""
     said = f"{mistake.message}; {mistake.hint}" if mistake.hint else mistake.message
     return AssumptionError(
@@ -396,7 +396,7 @@ def syntax_error(text: str, error: UnexpectedInput) -> AssumptionError:
         at = len(text.rstrip())
     match = _TOKEN.search(text, at)
     if match and match[0] in "\"'":
-        return error_at(text, Mistake(at, "this quote is never closed"))
+        return error_at(text, MistakeError(at, "this quote is never closed"))
     expected: set[str] = cast("Any", error).interactive_parser.accepts()
     got = f"'{_shown(match[0][:40])}'" if match else "the end"
     message = f"expected {_expectation(expected)}, found {got}"

@@ -28,9 +28,9 @@ class Analysis:
     """One question about a plan, with two independent ways to decide it.
 
     ``by_structure`` is exact where ``Constraints.independent`` holds, ``by_solver`` always; it may
-    raise Inconclusive. Their answers are equal or gpsfsm has a defect. ``facts`` turns the answer
-    into fields of ``Facts``; it gets None where a limit was hit. ``questions`` are terms that
-    ``by_solver`` is going to ask: all analyses' are put to z3 in one text, which saves time.
+    raise InconclusiveError. Their answers are equal or gpsfsm has a defect. ``facts`` turns the
+    answer into fields of ``Facts``; it gets None where a limit was hit. ``questions`` are terms
+    that ``by_solver`` is going to ask: all analyses' are put to z3 in one text, which saves time.
 
     A structural answer is proved by ``refute``, which says what never holds if it is right, and
     ``show``, which says what runs show; either may raise UnprovedError, and then ``by_solver``

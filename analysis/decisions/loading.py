@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.counterexamples import plainest
 from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import FALSE, TRUE, conjunction, disjunction, negation
-from gpsfsm.analysis.solver import Inconclusive, Solver
+from gpsfsm.analysis.solver import InconclusiveError, Solver
 from gpsfsm.analysis.timing.loads import UNKNOWN, most_at_once
 from gpsfsm.compile import UnitKind
 from gpsfsm.late import dataclass
@@ -78,7 +78,7 @@ def by_solver(solver: Solver) -> Answer:
         fresh = Solver(solver.compiled, solver.constraints, rlimit=rlimit, purse=solver.purse)
         peak = _search(fresh, pairs, reached, low)
         return Answer(peak, kinds)
-    except Inconclusive:
+    except InconclusiveError:
         return Answer(UNKNOWN, kinds)
 
 

@@ -16,7 +16,7 @@ from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.decisions.orphans import too_late
 from gpsfsm.analysis.encode import conjunction, negation
 from gpsfsm.analysis.proof.refutation import Refutation, UnprovedError
-from gpsfsm.analysis.solver import Inconclusive
+from gpsfsm.analysis.solver import InconclusiveError
 from gpsfsm.analysis.structure import Can, Paths
 from gpsfsm.analysis.timing.pairs import Row, candidates, is_parallel, leaving, ranges_of
 from gpsfsm.compile import UnitKind
@@ -123,7 +123,7 @@ def _search(
             for first, second in _pairs(numbers, rows):
                 count += 1
                 if count > _MAX_PAIRS:
-                    raise Inconclusive
+                    raise InconclusiveError
                 if meet(first, second):
                     overlaps.append((block, resource, first, second))
                     break

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from gpsfsm.analysis.decisions.completion import frequency
 from gpsfsm.compile.instants import CODES, COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED, bits
 from gpsfsm.model.automaton import NodeKind, Signal
-from gpsfsm.model.choice import OWN
+from gpsfsm.model.capability import OWN
 from gpsfsm.model.event import Event
 from gpsfsm.model.report import Frequency
 from gpsfsm.model.story import Vocabulary

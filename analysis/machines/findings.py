@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import actor, count, fewest_words, listed, place
 from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, Instants
-from gpsfsm.model.choice import OWN
+from gpsfsm.model.capability import OWN
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, Severity, TraceStep
 from gpsfsm.model.plan import line_words

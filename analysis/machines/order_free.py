@@ -28,7 +28,7 @@ from gpsfsm.analysis.decisions import dangling as dangling_events
 from gpsfsm.analysis.decisions.completion import frequency
 from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
 from gpsfsm.analysis.machines.decide import Answers, DanglingAt, Run, WaitingEffect, WaitingJoin
-from gpsfsm.analysis.options import Budget, Inconclusive, Purse
+from gpsfsm.analysis.options import Budget, InconclusiveError, Purse
 from gpsfsm.analysis.solver import Solver
 from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, HANG, SUCCEEDED, Instants
 from gpsfsm.model.automaton import NodeKind, Signal
@@ -84,7 +84,7 @@ class _Halves(NamedTuple):
 
 
 class OrderFree:
-    """All questions of semantics 9.4, put to z3. Raises Inconclusive at a limit."""
+    """All questions of semantics 9.4, put to z3. Raises InconclusiveError at a limit."""
 
     def __init__(
         self, compiled: Compiled, constraints: Constraints, options: AnalysisOptions
@@ -115,7 +115,7 @@ class OrderFree:
             return False
         contradictory = self.solver.contradictory()
         if contradictory is None:
-            raise Inconclusive
+            raise InconclusiveError
         return contradictory
 
     def answers(self) -> Answers | None:
@@ -207,7 +207,7 @@ class OrderFree:
             else:
                 outcomes = plainest(self.solver, number, (number, Outcome.SUCCEEDED))
                 yield from () if outcomes is None else (outcomes,)
-        except Inconclusive:
+        except InconclusiveError:
             return
 
     def _shows(self, outcomes: Scenario, signal: Signal, end: End) -> bool:
@@ -333,7 +333,7 @@ class OrderFree:
         solver = self.solver
         try:
             possible = solver.must_check([solver.name(term)])
-        except Inconclusive:
+        except InconclusiveError:
             return ()
         assert possible, "what was decided to be possible has a scenario"
         outcomes = solver.outcomes()
@@ -371,7 +371,7 @@ class OrderFree:
                 return outcomes
             solver = self.showing
             possible = solver.must_check([solver.name(term(solver))])
-        except Inconclusive:
+        except InconclusiveError:
             return None
         assert possible, "what was decided to be possible has a scenario"
         return solver.outcomes()

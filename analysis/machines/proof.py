@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.encode import FALSE, TRUE, at_least, conjunction, disjunction, negation
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.analysis.solver import PER_CHARACTER, add_text
 from gpsfsm.compile.instants import (
     CODES,
@@ -272,7 +272,7 @@ class Completeness:
     def require(self, claims: Iterable[str], *, rlimit: int) -> None:
         """Have z3 refute that anything was missed, or that a claim ever holds.
 
-        Raises Inconclusive at the limit of steps, and InternalError if z3 does not refute it.
+        Raises InconclusiveError at the limit of steps, and InternalError if z3 does not refute it.
         """
         require_memory(Z3_MB, module="z3")
         import z3
@@ -280,7 +280,7 @@ class Completeness:
         text = self.text(claims)
         rlimit -= PER_CHARACTER * len(text)
         if rlimit <= 0:
-            raise Inconclusive
+            raise InconclusiveError
         solver: Any = z3.SolverFor("QF_FD")
         solver.set("random_seed", 0)
         solver.set("rlimit", rlimit)
@@ -290,7 +290,7 @@ class Completeness:
         if answer == z3.sat:
             raise InternalError("z3 and the search disagree about the runs of this machine")
         if answer != z3.unsat:
-            raise Inconclusive
+            raise InconclusiveError
 
     def text(self, claims: Iterable[str]) -> str:
         """The question, in SMT-LIB."""

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.compile.instants import (
     FAILED,
     GOING,
@@ -83,9 +83,9 @@ class Exploration:
     """The configurations that the runs of a machine reach, and the steps between them.
 
     ``allowed``: per runner the outcomes that it can have, if its tie leaves it any choice. Raises
-    Inconclusive if there are more than ``limit`` configurations. The first ``reached`` are those of
-    runs; behind them is what would come of ``others``: outcomes (configuration, runner, outcome)
-    that are compared with only.
+    InconclusiveError if there are more than ``limit`` configurations. The first ``reached`` are
+    those of runs; behind them is what would come of ``others``: outcomes (configuration, runner,
+    outcome) that are compared with only.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class Exploration:
         """
         numbers, limit, successors = self._numbers, self.limit, self._successors
         if len(numbers) >= limit:
-            raise Inconclusive
+            raise InconclusiveError
         numbers[start] = len(numbers)
         pending = [start]
         rows: list[_Row] = []
@@ -148,7 +148,7 @@ class Exploration:
                 if number is None:
                     number = len(numbers)
                     if number >= limit:
-                        raise Inconclusive
+                        raise InconclusiveError
                     numbers[target] = number
                     pending.append(target)
                 targets.append(number)

@@ -26,8 +26,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.decisions.fewest import spans_of
-from gpsfsm.analysis.proof.circuit import FALSE, Circuit
-from gpsfsm.analysis.proof.refutation import UnprovedError
+from gpsfsm.analysis.proof.refutation import FALSE, Circuit, UnprovedError
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.report import Frequency

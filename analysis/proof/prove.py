@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.decisions import Analysis, analyses
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.analysis.proof.parts import LOCAL, Parts
 from gpsfsm.analysis.proof.refutation import Refutation, UnprovedError
 from gpsfsm.analysis.proof.witnesses import Witnesses
@@ -60,11 +60,11 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
     try:
         purse.require(_PER_NODE * witnesses.cost)
         by_itself |= witnesses.missed()
-    except Inconclusive:
+    except InconclusiveError:
         open_.add(By.REPLAY)
     try:
         refuted = _refuted(refutation.text(), deciders.options.rlimit, purse)
-    except Inconclusive:
+    except InconclusiveError:
         refuted = None
     if refuted is False:
         raise InternalError("z3 has found a run that the structural pass rules out")
@@ -120,7 +120,7 @@ def _answered(analysis: Analysis, deciders: Deciders, answer: Any) -> str:
         return f"{deciders.options.second_opinion} runners"
     try:
         second = analysis.by_solver(deciders.solver)
-    except Inconclusive:
+    except InconclusiveError:
         return "--rlimit"
     if second != answer:
         raise InternalError(

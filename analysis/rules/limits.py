@@ -9,7 +9,7 @@ from gpsfsm.analysis.counterexamples import canonical_scenario
 from gpsfsm.analysis.decisions.energy import over_limit
 from gpsfsm.analysis.decisions.makespan import overdue
 from gpsfsm.analysis.encode import conjunction
-from gpsfsm.analysis.solver import Inconclusive
+from gpsfsm.analysis.solver import InconclusiveError
 from gpsfsm.analysis.timing.amounts import UNBOUNDED
 from gpsfsm.analysis.timing.clocks import RealSolver, arrival, times
 from gpsfsm.analysis.words import listed
@@ -167,7 +167,7 @@ def _scenario(context: Context, term: Callable[[Solver], str]) -> tuple[Outcome,
     try:
         real = RealSolver(deciders.fresh_solver(), rlimit=rlimit)
         return canonical_scenario(real, term(real))
-    except Inconclusive:
+    except InconclusiveError:
         return None
 
 

@@ -66,7 +66,7 @@ class _Unit(NamedTuple):
     instant: bool | None
 
 
-class _TooMuch(Exception):  # noqa: N818  (not an error: there is no answer)
+class _TooMuchError(Exception):
     """The limit of steps is reached."""
 
 
@@ -86,7 +86,7 @@ def most_at_once(structure: Structure, pairs: Sequence[int], kinds: int) -> int:
         if not instants and most == _most_instances(structure):
             return most
         return _load(structure, pairs, _Algebra(instants=instants))
-    except _TooMuch:
+    except _TooMuchError:
         return UNKNOWN
 
 
@@ -148,7 +148,7 @@ class _Algebra:
     ``instants``: some unit may end at the instant of its trigger. Without one, what ends a unit
     triggers nothing else at that instant, and ``now`` and ``lost`` hold nothing that ``runs`` does
     not hold; so they are left out. ``keep``: so many loads are kept of a unit, the largest;
-    ``complete`` tells whether any was dropped. Without it, _TooMuch is raised at the limit.
+    ``complete`` tells whether any was dropped. Without it, _TooMuchError is raised at the limit.
     """
 
     def __init__(self, *, instants: bool, keep: int | None = None) -> None:
@@ -169,7 +169,7 @@ class _Algebra:
     def _spend(self, steps: int) -> None:
         self._left -= steps
         if self._left < 0 and self._keep is None:
-            raise _TooMuch
+            raise _TooMuchError
 
     def _either(self, *families: _Loads) -> _Loads:
         """One or the other."""
@@ -271,7 +271,7 @@ class _Algebra:
         """
         spare = len(children) - needed
         if len(children) * (needed + 1) * (spare + 2) > _MAX_COUNTED:
-            raise _TooMuch
+            raise _TooMuchError
         whole = self._tally(
             [
                 (((0, 0), child.runs), ((1, 0), child.succeeded), ((0, 1), child.failed))
@@ -292,7 +292,7 @@ class _Algebra:
     def wait(self, children: list[_Unit], needed: int) -> _Unit:
         """All children have ended, and so many have succeeded or not."""
         if len(children) * (needed + 1) > _MAX_COUNTED:
-            raise _TooMuch
+            raise _TooMuchError
         ended = [(((0, 1), child.succeeded), ((0, 0), child.failed)) for child in children]
         last = [
             (*options, ((1, 1), child.now), ((1, 0), child.lost))

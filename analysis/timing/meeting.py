@@ -90,7 +90,7 @@ class Clock:
     def meet(self, first: int, second: int) -> bool:
         """True if in some run both are active at one instant, before it ends.
 
-        Raises Inconclusive at a limit.
+        Raises InconclusiveError at a limit.
         """
         plain = self._plainest(first, second)
         if plain is not None and self.shows_meeting(plain, first, second):
@@ -101,7 +101,7 @@ class Clock:
     def outlives(self, number: int) -> bool:
         """True if in some run the instance is active when the plan completes.
 
-        Raises Inconclusive at a limit.
+        Raises InconclusiveError at a limit.
         """
         plain = self._plainest(number)
         if plain is not None and self.shows_outliving(plain, number):

@@ -93,7 +93,7 @@ def candidates(
 
 
 class Instants(Protocol):
-    """Answers about instants; may raise Inconclusive."""
+    """Answers about instants; may raise InconclusiveError."""
 
     def meet(self, first: int, second: int) -> bool:
         """True if in some run both instances are active at one instant, before it ends."""

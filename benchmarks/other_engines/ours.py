@@ -229,20 +229,20 @@ def main() -> None:
     fails = failing(plan)
     if chosen.spec is not None:
         chosen.spec.write_text(json.dumps(specification(plan, fails)), encoding="utf-8")
-    found = []
+    rows = []
     for _ in range(chosen.times):
         if chosen.journal:
-            found.append(journaled(plan, fails, chosen.journal))
+            rows.append(journaled(plan, fails, chosen.journal))
         elif chosen.alone:
-            found.append(alone(plan, fails))
+            rows.append(alone(plan, fails))
         elif chosen.together:
-            found.append(together(plan, fails, chosen.together))
+            rows.append(together(plan, fails, chosen.together))
         else:
-            found.append(measure(plan, fails))
+            rows.append(measure(plan, fails))
     for name in ("build_s", "run_s"):
-        if name in found[0]:
-            found[0][name] = median(one[name] for one in found)
-    print(json.dumps(found[0]))
+        if name in rows[0]:
+            rows[0][name] = median(one[name] for one in rows)
+    print(json.dumps(rows[0]))
 
 
 if __name__ == "__main__":

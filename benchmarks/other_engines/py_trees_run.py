@@ -94,10 +94,10 @@ def measure(spec: dict[str, Any], limit_s: float, factor: int) -> dict[str, Any]
 def main() -> None:
     spec = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     limit_s, times, factor = float(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
-    found = [measure(spec, limit_s, factor) for _ in range(times)]
+    measureds = [measure(spec, limit_s, factor) for _ in range(times)]
     for name in ("build_s", "run_s"):
-        found[0][name] = statistics.median(one[name] for one in found)
-    print(json.dumps(found[0]))
+        measureds[0][name] = statistics.median(one[name] for one in measureds)
+    print(json.dumps(measureds[0]))
 
 
 if __name__ == "__main__":

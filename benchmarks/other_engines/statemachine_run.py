@@ -33,8 +33,8 @@ def give_up(_signal: int, _frame: object) -> None:
 
 def machine_of(spec: dict[str, Any]) -> tuple[Any, str]:
     """The machine, and the unit in which it begins."""
-    names, found = ways(spec)
-    reached = {names[0]} | {target for _, _, target in found}
+    names, paths = ways(spec)
+    reached = {names[0]} | {target for _, _, target in paths}
     states = {
         name: State(name, initial=name == names[0], final=name in ENDS)
         for name in names
@@ -43,7 +43,7 @@ def machine_of(spec: dict[str, Any]) -> tuple[Any, str]:
     body: dict[str, Any] = {f"s_{name}": state for name, state in states.items()}
     for event in ("succeeded", "failed"):
         body[event] = None
-        for what, source, target in found:
+        for what, source, target in paths:
             if what == event:
                 way = states[source].to(states[target])
                 body[event] = way if body[event] is None else body[event] | way
@@ -84,10 +84,10 @@ def main() -> None:
     signal.signal(signal.SIGALRM, give_up)
     spec = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     limit_s, times = float(sys.argv[2]), int(sys.argv[3])
-    found = [measure(spec, limit_s) for _ in range(times)]
+    measureds = [measure(spec, limit_s) for _ in range(times)]
     for name in ("build_s", "run_s"):
-        found[0][name] = statistics.median(one[name] for one in found)
-    print(json.dumps(found[0]))
+        measureds[0][name] = statistics.median(one[name] for one in measureds)
+    print(json.dumps(measureds[0]))
 
 
 if __name__ == "__main__":

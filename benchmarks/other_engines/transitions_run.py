@@ -21,15 +21,15 @@ import transitions
 def ways(spec: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
     """States and transitions of a plan of sequences and guards of runners."""
     states: list[str] = []
-    found: list[list[str]] = []
+    paths: list[list[str]] = []
 
     def place(unit: int, success: str, failure: str) -> str:
         """Compile a unit from behind; the state that begins it."""
         kind, children = spec["kinds"][unit], spec["children"][unit]
         if kind == "runner":
             states.append(str(unit))
-            found.append(["succeeded", str(unit), success])
-            found.append(["failed", str(unit), failure])
+            paths.append(["succeeded", str(unit), success])
+            paths.append(["failed", str(unit), failure])
             return str(unit)
         first = success if kind == "sequence" else failure
         for child in reversed(children):
@@ -42,16 +42,16 @@ def ways(spec: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
         return first
 
     begin = place(0, "complete", "give_up")
-    return [begin, *(state for state in states if state != begin), "complete", "give_up"], found
+    return [begin, *(state for state in states if state != begin), "complete", "give_up"], paths
 
 
 def measure(spec: dict[str, Any]) -> dict[str, Any]:
     """Build the machine and fire events until it is in one of its last states."""
     gc.collect()
     began = time.perf_counter()
-    states, found = ways(spec)
+    states, paths = ways(spec)
     machine = transitions.Machine(
-        states=states, transitions=found, initial=states[0], auto_transitions=False
+        states=states, transitions=paths, initial=states[0], auto_transitions=False
     )
     built = time.perf_counter()
     events = 0
@@ -72,10 +72,10 @@ def measure(spec: dict[str, Any]) -> dict[str, Any]:
 
 def main() -> None:
     spec = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    found = [measure(spec) for _ in range(int(sys.argv[2]))]
+    measureds = [measure(spec) for _ in range(int(sys.argv[2]))]
     for name in ("build_s", "run_s"):
-        found[0][name] = statistics.median(one[name] for one in found)
-    print(json.dumps(found[0]))
+        measureds[0][name] = statistics.median(one[name] for one in measureds)
+    print(json.dumps(measureds[0]))
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ def questions(automaton: Automaton, facts: Facts) -> Iterator[tuple[Question, bo
     yield completes(automaton), facts.completes != "never"
     yield CanMiss(automaton.complete), facts.completes != "always"
     yield gives_up(automaton), facts.gives_up != "never"
-    waiting = {found.control for found in facts.join_deadlocks}
+    waiting = {join_deadlock.control for join_deadlock in facts.join_deadlocks}
     for number, block in enumerate(automaton.blocks):
         if block.trigger is not None:
             yield join_waits(automaton, number), automaton.plan.path(block.element) in waiting
@@ -57,19 +57,19 @@ def answers(
     """What the tools that are here say."""
     misses = isinstance(question, CanMiss)
     here = tools.versions()
-    found: dict[str, tools.Answer] = {}
+    results: dict[str, tools.Answer] = {}
     if "spin" in here:
         file = folder / "model.pml"
         text = promela_of(automaton, question, style=style, never_fails=never_fails)
         file.write_text(text, encoding="utf-8")
         size = len(automaton.nodes)
-        found["SPIN"] = tools.spin(file, size=size, misses=misses, timeout_s=TIMEOUT_S)
+        results["SPIN"] = tools.spin(file, size=size, misses=misses, timeout_s=TIMEOUT_S)
     if "nusmv" in here:
         file = folder / "model.smv"
         text = smv_of(automaton, question, style=style, never_fails=never_fails)
         file.write_text(text, encoding="utf-8")
-        found["NuSMV"] = tools.nusmv(file, misses=misses, timeout_s=TIMEOUT_S)
-    return found
+        results["NuSMV"] = tools.nusmv(file, misses=misses, timeout_s=TIMEOUT_S)
+    return results
 
 
 def compare(seed: int, runners: int, counts: Counter[str]) -> None:
@@ -88,13 +88,13 @@ def compare(seed: int, runners: int, counts: Counter[str]) -> None:
         for style in STYLES:
             folder = Path(tempfile.mkdtemp())
             for name, answer in answers(automaton, question, spared, style, folder).items():
-                if answer.found is None:
+                if answer.possible is None:
                     counts["no verdict"] += 1
-                elif answer.found is expected:
+                elif answer.possible is expected:
                     counts["yes" if expected else "no"] += 1
                 else:
                     raise SystemExit(
-                        f"seed {seed}: {name} says {answer.found} to {question}, gpsfsm says "
+                        f"seed {seed}: {name} says {answer.possible} to {question}, gpsfsm says "
                         f"{expected}; {style} model in {folder}"
                     )
             for file in folder.iterdir():

@@ -39,7 +39,7 @@ ASSUMPTION = "never fails: SpeechRunner"
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A question about a family of plans. ``known`` is the right answer to "can it be?".
+    """A question about a family of plans. ``possible`` is the right answer to "can it be?".
 
     ``reliable``: recoveries never fail. ``in_facts`` reads the answer from the facts of gpsfsm.
     ``unsound`` is the right answer to "is the workflow net unsound?", None if that is beside the
@@ -51,7 +51,7 @@ class Case:
     plan: Callable[[int], str]
     question: Callable[[Automaton], Question]
     reliable: bool
-    known: bool
+    possible: bool
     in_facts: Callable[[dict[str, Any]], bool]
     unsound: bool | None = None
 
@@ -67,7 +67,7 @@ CASES = (
         lambda n: generate.fanout(n, "safe"),
         join_waits,
         reliable=True,
-        known=False,
+        possible=False,
         in_facts=_waits,
         unsound=False,
     ),
@@ -77,7 +77,7 @@ CASES = (
         lambda n: generate.fanout(n, "needle"),
         join_waits,
         reliable=True,
-        known=True,
+        possible=True,
         in_facts=_waits,
         unsound=True,
     ),
@@ -87,7 +87,7 @@ CASES = (
         generate.fanout,
         join_waits,
         reliable=False,
-        known=True,
+        possible=True,
         in_facts=_waits,
         unsound=True,
     ),
@@ -97,7 +97,7 @@ CASES = (
         generate.fanout,
         completes,
         reliable=False,
-        known=True,
+        possible=True,
         in_facts=lambda facts: facts["completes"] != "never",
     ),
     Case(
@@ -106,7 +106,7 @@ CASES = (
         generate.chain,
         lambda automaton: CanMiss(automaton.complete),
         reliable=True,
-        known=False,
+        possible=False,
         in_facts=lambda facts: facts["completes"] != "always",
     ),
     Case(
@@ -115,7 +115,7 @@ CASES = (
         generate.chain,
         gives_up,
         reliable=False,
-        known=True,
+        possible=True,
         in_facts=lambda facts: facts["gives_up"] != "never",
     ),
 )

@@ -25,7 +25,7 @@ Transition = tuple[list[str], list[str]]
 def net_of(automaton: Automaton, *, never_fails: Set[int] = frozenset()) -> str:
     """The net as JSON: its ``transitions``; its places are all that they name."""
     cone = cone_of(automaton, None, never_fails)
-    transitions = [found for node in cone.nodes for found in _transitions(cone, node)]
+    transitions = [transition for node in cone.nodes for transition in _transitions(cone, node)]
     return json.dumps({"source": "source", "sink": "sink", "transitions": transitions})
 
 

@@ -94,7 +94,7 @@ class _Model(ABC):
         inputs = self.cone.into[head]
         return self.cone.collects(head) or len(inputs) > 1 or (head == self.missed and head != 0)
 
-    def told(self, head: int) -> Iterator[int]:
+    def sent(self, head: int) -> Iterator[int]:
         """The connections through which a process tells others something."""
         for node in self.members[head]:
             for event in (Event.STARTED, *self.cone.events(node)):
@@ -183,7 +183,7 @@ class _Expert(_Model):
     def promises(self, head: int) -> Iterator[str]:
         if self.waits(head):
             yield from (f"xr c{number}" for number in self.cone.into[head])
-        yield from (f"xs c{number}" for number in self.told(head))
+        yield from (f"xs c{number}" for number in self.sent(head))
 
     def wait(self, head: int, label: str) -> Iterator[str]:
         inputs = self.cone.into[head]

@@ -49,10 +49,10 @@ def gives_up(automaton: Automaton) -> Question:
 
 def join_waits(automaton: Automaton, block: int = 0) -> Question:
     """Can the join of this parallel_all wait for ever, once its units were triggered?"""
-    found = automaton.blocks[block]
-    if found.trigger is None:
+    blocked = automaton.blocks[block]
+    if blocked.trigger is None:
         raise ValueError("nothing ever triggers this parallel_all")
-    return CanMiss(found.join, found.trigger)
+    return CanMiss(blocked.join, blocked.trigger)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +101,12 @@ def cone_of(automaton: Automaton, question: Question | None, never_fails: Set[in
     for source, _, target in edges:
         forwards[source].append(target)
         backwards[target].append(source)
-    asked = [] if question is None else [question.node]
+    nodes = [] if question is None else [question.node]
     if isinstance(question, CanMiss) and question.after is not None:
-        asked.append(question.after.node)
+        nodes.append(question.after.node)
     kept = _closure([0], forwards)
     if question is not None:
-        kept = kept & _closure(asked, backwards) | {0, *asked}
+        kept = kept & _closure(nodes, backwards) | {0, *nodes}
     edges = [edge for edge in edges if edge.source in kept and edge.target in kept]
     into: dict[int, list[int]] = {node: [] for node in kept}
     out: dict[Signal, list[int]] = {}
@@ -125,27 +125,27 @@ def threads(cone: Cone, *, apart: int | None = None) -> dict[int, int]:
     several signals of one thread that lead to one node only one can come. The node ``apart``
     gets a thread of its own.
     """
-    found: dict[int, int] = {}
+    numbers: dict[int, int] = {}
     for node in cone.nodes:
         inputs = [cone.edges[number] for number in cone.into[node]]
-        heads = {found[edge.source] for edge in inputs}
+        heads = {numbers[edge.source] for edge in inputs}
         alone = all(
             edge.event is not Event.STARTED
             and len(cone.targets(Signal(edge.source, edge.event))) == 1
             for edge in inputs
         )
         continues = len(heads) == 1 and alone and not cone.collects(node) and node != apart
-        found[node] = heads.pop() if continues else node
-    return found
+        numbers[node] = heads.pop() if continues else node
+    return numbers
 
 
 def _closure(start: list[int], step: dict[int, list[int]]) -> set[int]:
-    found, pending = set(start), list(start)
+    reached, pending = set(start), list(start)
     while pending:
-        fresh = [node for node in step[pending.pop()] if node not in found]
-        found.update(fresh)
+        fresh = [node for node in step[pending.pop()] if node not in reached]
+        reached.update(fresh)
         pending += fresh
-    return found
+    return reached
 
 
 def _sorted(nodes: set[int], edges: list[Edge]) -> list[int]:

@@ -105,8 +105,8 @@ def contestants(here: Container[str]) -> Iterator[Contestant]:
         yield Contestant("NuSMV, natural model", _nusmv("natural"))
         yield Contestant("NuSMV, expert's model", _nusmv("expert"), cases=("safe",))
     if "woflan" in here:
-        asked = tuple(case.key for case in CASES if case.unsound is not None)
-        yield Contestant("Woflan", _woflan, FINE, asked)
+        cases = tuple(case.key for case in CASES if case.unsound is not None)
+        yield Contestant("Woflan", _woflan, FINE, cases)
 
 
 def step(contestant: Contestant, case: Case, n: int) -> Answer:
@@ -124,16 +124,16 @@ def climb(contestant: Contestant, case: Case) -> list[str]:
     last: tuple[int, Answer] | None = None
     beyond = "the end of the ladder"
     for n in contestant.ladder:
-        found = step(contestant, case, n)
-        if found.found is None:
-            beyond = f"n = {n:,}: {found.why}"
+        step_ = step(contestant, case, n)
+        if step_.possible is None:
+            beyond = f"n = {n:,}: {step_.why}"
             break
-        if found.found is not case.known:
-            raise SystemExit(f"{contestant.name} is wrong about {case.key}, n = {n}: {found}")
-        if found.seconds > TIMEOUT_S:
-            beyond = f"n = {n:,}: {seconds(found.seconds)} s"
+        if step_.possible is not case.possible:
+            raise SystemExit(f"{contestant.name} is wrong about {case.key}, n = {n}: {step_}")
+        if step_.seconds > TIMEOUT_S:
+            beyond = f"n = {n:,}: {seconds(step_.seconds)} s"
             break
-        last = (n, found)
+        last = (n, step_)
     if last is None:
         return [contestant.name, "none", "", "", "", beyond]
     n, answer = last
@@ -144,7 +144,7 @@ def climb(contestant: Contestant, case: Case) -> list[str]:
 def one_step(key: str, name: str, n: str) -> None:
     """Ask one tool once and print its answer as JSON."""
     (case,) = (case for case in CASES if case.key == key)
-    (contestant,) = (found for found in contestants(ALL_TOOLS) if found.name == name)
+    (contestant,) = (each for each in contestants(ALL_TOOLS) if each.name == name)
     with tempfile.TemporaryDirectory() as folder:
         print(json.dumps(asdict(contestant.ask(case, int(n), Path(folder)))))
 
@@ -168,9 +168,10 @@ def main() -> None:
         if chosen.case and case.key not in chosen.case:
             continue
         rows = [
-            climb(found, case)
-            for found in contestants(here)
-            if case.key in found.cases and found.name.startswith(tuple(chosen.tool or [""]))
+            climb(contestant, case)
+            for contestant in contestants(here)
+            if case.key in contestant.cases
+            and contestant.name.startswith(tuple(chosen.tool or [""]))
         ]
         print(f"\n**{case.title[0].upper()}{case.title[1:]}**\n\n{table(head, rows)}", flush=True)
 

@@ -33,9 +33,9 @@ _ABORTS = (
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """``found`` is the tool's answer to "can it be?", None for no verdict (``why`` says)."""
+    """``possible`` is the tool's answer to "can it be?", None for no verdict (``why`` says)."""
 
-    found: bool | None
+    possible: bool | None
     seconds: float
     peak_mb: float = 0.0
     why: str = ""
@@ -67,10 +67,10 @@ def spin(
             said = re.sub(r"^.*Error: ", "", _first_line(done.out + done.err))
             return Answer(None, spent, done.peak_mb, f"{command[0]}: {said}")
     assert done is not None
-    found, why = read_pan(done.out + done.err, misses=misses)
+    verdict, why = read_pan(done.out + done.err, misses=misses)
     states = re.search(r"(\d+) states, stored", done.out)
     detail = f"{int(states[1]):,} states, {done.seconds:.1f} s" if states else ""
-    return Answer(found, spent, done.peak_mb, why, detail)
+    return Answer(verdict, spent, done.peak_mb, why, detail)
 
 
 def read_pan(output: str, *, misses: bool) -> tuple[bool | None, str]:
@@ -117,8 +117,8 @@ def nusmv(model: Path, *, misses: bool, timeout_s: float, options: tuple[str, ..
     if done.code != 0 or len(verdicts) != 1:
         reason = _first_line(done.err) or f"exit {done.code}"
         return Answer(None, done.seconds, done.peak_mb, reason)
-    found = (verdicts[0] == "true") is not misses
-    return Answer(found, done.seconds, done.peak_mb)
+    holds = (verdicts[0] == "true") is not misses
+    return Answer(holds, done.seconds, done.peak_mb)
 
 
 def woflan(model: Path, *, timeout_s: float) -> Answer:
@@ -137,18 +137,18 @@ def woflan(model: Path, *, timeout_s: float) -> Answer:
 @cache
 def versions() -> dict[str, str]:
     """The tools that are here, with their versions."""
-    found: dict[str, str] = {}
+    lines: dict[str, str] = {}
     if shutil.which("spin") and shutil.which("gcc"):
         said = run(["spin", "-V"]).out
-        found["spin"] = (re.search(r"\d+(\.\d+)+", said) or [""])[0]
+        lines["spin"] = (re.search(r"\d+(\.\d+)+", said) or [""])[0]
     if shutil.which(NUSMV):
         help_ = run([NUSMV, "-h"])
-        found["nusmv"] = (re.search(r"\d+(\.\d+)+", help_.out + help_.err) or [""])[0]
-    asked = [WOFLAN_PYTHON, "-c", "import importlib.metadata as m; print(m.version('pm4py'))"]
-    pm4py = run(asked)
+        lines["nusmv"] = (re.search(r"\d+(\.\d+)+", help_.out + help_.err) or [""])[0]
+    command = [WOFLAN_PYTHON, "-c", "import importlib.metadata as m; print(m.version('pm4py'))"]
+    pm4py = run(command)
     if pm4py.code == 0:
-        found["woflan"] = pm4py.out.strip()
-    return found
+        lines["woflan"] = pm4py.out.strip()
+    return lines
 
 
 def _first_line(text: str) -> str:

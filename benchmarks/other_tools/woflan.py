@@ -13,7 +13,7 @@ def main(file: str) -> None:
     woflan = import_module("pm4py.algo.analysis.woflan.algorithm")
     objects = import_module("pm4py.objects.petri_net.obj")
     connect = import_module("pm4py.objects.petri_net.utils.petri_utils").add_arc_from_to
-    found = json.loads(Path(file).read_text(encoding="utf-8"))
+    document = json.loads(Path(file).read_text(encoding="utf-8"))
     net = objects.PetriNet("plan")
     places: dict[str, Any] = {}
 
@@ -23,15 +23,15 @@ def main(file: str) -> None:
             net.places.add(places[name])
         return places[name]
 
-    for number, (takes, gives) in enumerate(found["transitions"]):
+    for number, (takes, gives) in enumerate(document["transitions"]):
         transition = objects.PetriNet.Transition(f"t{number}", f"t{number}")
         net.transitions.add(transition)
         for name in takes:
             connect(place(name), transition, net)
         for name in gives:
             connect(transition, place(name), net)
-    start = objects.Marking({place(found["source"]): 1})
-    end = objects.Marking({place(found["sink"]): 1})
+    start = objects.Marking({place(document["source"]): 1})
+    end = objects.Marking({place(document["sink"]): 1})
     parameters = {
         woflan.Parameters.RETURN_ASAP_WHEN_NOT_SOUND: True,
         woflan.Parameters.PRINT_DIAGNOSTICS: False,

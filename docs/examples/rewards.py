@@ -21,5 +21,5 @@ ANSWERS = [
 
 print(rewards(ANSWERS, TASK))
 with Rewards(jobs=2, timeout_s=60.0) as grader:
-    for found in grader.batch(ANSWERS, TASK):
-        print(found.value, found.grade, found.reason[:60].strip())
+    for reward in grader.batch(ANSWERS, TASK):
+        print(reward.value, reward.grade, reward.reason[:60].strip())

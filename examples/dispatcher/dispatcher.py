@@ -66,11 +66,11 @@ class Dispatcher:
         result = gpsfsm.run(content)
         self._finish(working, "done" if result else "failed", result.plans[0].summary)
 
-    def _finish(self, working: Path, state: str, told: str) -> None:
+    def _finish(self, working: Path, state: str, reason: str) -> None:
         for file in (working.with_name(f"{working.name}.json"), working):
             if file.exists() or file.is_symlink():
                 file.rename(self._place(state) / file.name)
-        say(f"{working.name}: {told}")
+        say(f"{working.name}: {reason}")
 
     def _place(self, state: str) -> Path:
         return self._folder / state

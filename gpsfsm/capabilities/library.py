@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 from gpsfsm.errors import InputError, require_flag, require_list
 from gpsfsm.late import dataclass
 from gpsfsm.model.capability import (
+    OWN,
     Binding,
     Effects,
     Filling,
@@ -26,7 +27,6 @@ from gpsfsm.model.capability import (
     SemanticInterface,
     ValueType,
 )
-from gpsfsm.model.choice import OWN
 from gpsfsm.model.plan import NOT_PARAMETERS, Attribute
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary

@@ -305,7 +305,7 @@ def _decide_machine(
     compiled: Compiled, constraints: Constraints, check: CheckOptions, progress: _Progress
 ) -> TreeMachine | None:
     """Decide a machine; or the machine that is to be decided in its place, as it is too large."""
-    from gpsfsm.analysis.options import Inconclusive
+    from gpsfsm.analysis.options import InconclusiveError
     from gpsfsm.checking.machine_check import (
         decide_machine,
         findings_of_runners,
@@ -342,7 +342,7 @@ def _decide_machine(
     if decided.facts is not None:
         try:
             progress.findings += overlap_findings(compiled, constraints, check.analysis)
-        except Inconclusive:
+        except InconclusiveError:
             progress.record_open(["resource-overlap"])
     progress.analysed = True
     return None
@@ -429,7 +429,7 @@ def contradiction(bindings: Iterable[Binding | None]) -> str:
 
 def _find(context: Context, task: Task | None, progress: _Progress) -> None:
     """Add what the rules make of the verdicts, and where the plan leaves its task."""
-    from gpsfsm.analysis.solver import Inconclusive
+    from gpsfsm.analysis.solver import InconclusiveError
 
     trees = context.plan.vocabulary is Vocabulary.TREE
     undecided: list[str] = list(context.inconclusive)
@@ -441,7 +441,7 @@ def _find(context: Context, task: Task | None, progress: _Progress) -> None:
             assert each.find is not None
             try:
                 findings += each.find(context)
-            except Inconclusive:
+            except InconclusiveError:
                 undecided.append(each.name)
         if task is not None:
             findings += _task_findings(context, task, undecided, progress)

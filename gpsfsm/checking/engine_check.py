@@ -20,7 +20,7 @@ from gpsfsm.analysis.context import Context
 from gpsfsm.analysis.decide import decide
 from gpsfsm.analysis.on_engine import OnEngine, decided_like
 from gpsfsm.analysis.rules import rule, rules_of_engines
-from gpsfsm.analysis.solver import Inconclusive
+from gpsfsm.analysis.solver import InconclusiveError
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.engine import same_runs
 from gpsfsm.compile.engine_text import EngineReading, EngineText, read_for_engine
@@ -157,7 +157,7 @@ def _apply_rules(contexts: OnEngine, result: EngineFindings) -> None:
         assert each.find_on_engine is not None
         try:
             result.findings += each.find_on_engine(contexts)
-        except Inconclusive:
+        except InconclusiveError:
             result.undecided.append(each.name)
 
 

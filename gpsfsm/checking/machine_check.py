@@ -21,11 +21,11 @@ from gpsfsm.analysis.machines.findings import (
 )
 from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
-from gpsfsm.analysis.options import DEFAULT_RLIMIT, SECOND_OPINION, Inconclusive
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, SECOND_OPINION, InconclusiveError
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import Tie
-from gpsfsm.model.choice import OWN
+from gpsfsm.model.capability import OWN
 from gpsfsm.model.report import By, Frequency, Proof
 from gpsfsm.model.story import Vocabulary
 
@@ -118,7 +118,7 @@ def decide_machine(
     try:
         exploration = Exploration(compiled.automaton, allowed, ties=ties, limit=MAX_CONFIGURATIONS)
         answers = Judge(exploration).facts()
-    except Inconclusive:
+    except InconclusiveError:
         reason = f"the runs of the machine reach more than {MAX_CONFIGURATIONS:,} configurations"
         hint = "check its parts as machines of their own"
         return DecidedMachine(None, reason=reason, hint=hint, too_large=True)
@@ -199,7 +199,7 @@ def _proof(exploration: Exploration, answers: Answers, options: AnalysisOptions)
     formulas = Formulas(exploration.automaton, exploration.allowed_outcomes, ties)
     try:
         Completeness(exploration, formulas).require(never(answers, formulas), rlimit=rlimit)
-    except Inconclusive:
+    except InconclusiveError:
         return "--rlimit"
     return ""
 
@@ -227,7 +227,7 @@ def _by_scenarios(
         if decider.contradictory:
             return DecidedMachine(None, contradictory=True)
         answers = decider.answers()
-    except Inconclusive:
+    except InconclusiveError:
         return None
     if answers is None:
         return None
@@ -235,7 +235,7 @@ def _by_scenarios(
         try:
             exploration = Exploration(compiled.automaton, constraints.allowed, limit=ALSO_EXPLORED)
             second = Judge(exploration).facts()  # which looks at what other outcomes lead to, too
-        except Inconclusive:
+        except InconclusiveError:
             pass
         else:
             require_agreement(answers, second)
@@ -283,7 +283,7 @@ def overlap_findings(
 ) -> Iterable[Finding]:
     """The findings about runners that hold one resource at once.
 
-    Raises Inconclusive if the runs reach too many configurations for that.
+    Raises InconclusiveError if the runs reach too many configurations for that.
     """
     from gpsfsm.analysis.machines.overlaps import held_twice, overlaps_in
 

@@ -10,7 +10,6 @@ import click
 
 from gpsfsm.cli._help import declare, declare_file
 from gpsfsm.cli._options import (
-    ALLOW,
     SETTINGS,
     CheckValues,
     FailValues,
@@ -20,6 +19,7 @@ from gpsfsm.cli._options import (
     severity_of,
     words,
 )
+from gpsfsm.cli._running import ALLOW
 from gpsfsm.errors import UsageError
 from gpsfsm.late import dataclass
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, fields, replace
+from dataclasses import field, fields
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 import click
@@ -27,7 +27,6 @@ from gpsfsm.cli._help import (
 )
 from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Severity
-from gpsfsm.model.ros import VIA
 from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.streams import STDOUT, complain
 
@@ -517,82 +516,3 @@ def tell_settings(used: Sequence[SettingUsed]) -> None:
 
 def severity_of(fail_on: str) -> Severity | None:
     return None if fail_on == "never" else Severity(fail_on)
-
-
-# --- what real runners may reach -----------------------------------------------------------------
-
-ALLOW = (
-    ("--allow-host", "HOST", "Host that an HttpRunner may reach; may be repeated."),
-    ("--allow-program", "PROGRAM", "Program that a ProcessRunner may start; may be repeated."),
-    (
-        "--allow-function",
-        "MODULE:NAME",
-        "Function that a PythonRunner may call; may be repeated.",
-    ),
-    (
-        *("--allow-module", "MODULE"),
-        "Module whose runners capability files may name; may be repeated.",
-    ),
-)
-
-
-def allow_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options about what real runners may reach."""
-    options = [
-        declare(name, multiple=True, metavar=metavar, help=text) for name, metavar, text in ALLOW
-    ]
-    return apply(options, command, "Permissions of real runners")
-
-
-@dataclass(frozen=True, kw_only=True)
-class AllowValues(Values):
-    """The values of these options."""
-
-    allow_host: Sequence[str]
-    allow_program: Sequence[str]
-    allow_function: Sequence[str]
-    allow_module: Sequence[str]
-
-
-def permissions(values: AllowValues, robot: Iterable[tuple[str, str]] = ()) -> dict[str, list[str]]:
-    """The permissions of a command line and of a robot's profile, by option.
-
-    Raises UsageError as ``permitted`` does.
-    """
-    from gpsfsm.running.bounds import PERMISSIONS, permitted
-
-    chosen = {name: list(words(getattr(values, name))) for name in PERMISSIONS}
-    for kind, text in robot:
-        chosen[f"allow_{kind}"].append(text)
-    return {name: permitted(name, texts) for name, texts in chosen.items() if texts}
-
-
-def ros_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The option of commands that make a node of ROS 2; ``ros_sections`` splits what follows it."""
-    option = declare(
-        "--ros-args",
-        multiple=True,
-        metavar="... [--]",
-        help="ROS 2 node arguments such as -r old:=new, up to -- or the end of the line.",
-    )
-    return apply([option], command, "ROS 2")
-
-
-def via_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The option about which server has the runners of a robot act."""
-    option = declare(
-        "--via",
-        type=click.Choice(VIA),
-        help="With --real: use the runners of this server on the robot instead of gpsfsm's own.",
-    )
-    return apply([option], command, "ROS 2")
-
-
-def ros_settings(
-    capabilities: Capabilities, arguments: Sequence[str], via: str | None = None
-) -> dict[str, Any]:
-    """The place of the robot on the network, as the heading of a run holds it."""
-    from gpsfsm.model.ros import RosSettings
-
-    settings = RosSettings() if capabilities.robot is None else capabilities.robot.ros
-    return replace(settings, arguments=tuple(arguments), via=via or settings.via).data()

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._help import ANY_PATH, CommandGroup, Section, declare
-from gpsfsm.cli._options import apply, folders_option, format_option, ros_option
+from gpsfsm.cli._options import apply, folders_option, format_option
+from gpsfsm.cli._running import ros_option
 from gpsfsm.streams import Form, complain, terminal_width, write_text
 
 if TYPE_CHECKING:

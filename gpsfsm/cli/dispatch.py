@@ -16,13 +16,8 @@ from gpsfsm.cli._gating import (
     task_option,
 )
 from gpsfsm.cli._help import ANY_PATH, Command, Section, declare, declare_file
-from gpsfsm.cli._options import (
-    NumberRange,
-    format_option,
-    library_options,
-    ros_option,
-    ros_settings,
-)
+from gpsfsm.cli._options import NumberRange, format_option, library_options
+from gpsfsm.cli._running import ros_option, ros_settings
 from gpsfsm.errors import UsageError
 from gpsfsm.streams import complain
 

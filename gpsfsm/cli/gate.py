@@ -115,11 +115,11 @@ def _run(values: GateCommand) -> int:
     """The process that decides starts first: it loads while the options are read here."""
     if values.verify is not None:
         return _verify(values.verify, values)
-    from gpsfsm.gating.gate_process import NoAnswer, start_worker
+    from gpsfsm.gating.gate_process import NoAnswerError, start_worker
 
     try:
         worker = start_worker()
-    except NoAnswer:  # it is tried once more, and then said of each plan
+    except NoAnswerError:  # it is tried once more, and then said of each plan
         return _gated(values, None)
     try:
         return _gated(values, worker)

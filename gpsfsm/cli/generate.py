@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._asking import (
+from gpsfsm.cli._help import Command, Section, declare, declare_file
+from gpsfsm.cli._model import (
     ASKING,
+    MODEL_PARAMETERS,
     AskingValues,
     asking_options,
     capabilities_of,
+    model_options,
+    model_settings,
     prompt_options,
     task_of,
 )
-from gpsfsm.cli._help import Command, Section, declare, declare_file
-from gpsfsm.cli._model import MODEL_PARAMETERS, model_options, model_settings
 from gpsfsm.cli._options import (
     NumberRange,
     apply,

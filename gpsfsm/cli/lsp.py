@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._help import Command, Section
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import UsageError, installing
 from gpsfsm.streams import complain
 
 if TYPE_CHECKING:
@@ -37,9 +37,7 @@ def command() -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
-        raise UsageError(
-            "gpsfsm lsp needs pygls: pip install 'gpsfsm[lsp]', or '.[lsp]' in a clone"
-        ) from None
+        raise UsageError(f"gpsfsm lsp needs pygls: {installing('lsp')}") from None
     return serve(_options_of, _unheard)
 
 

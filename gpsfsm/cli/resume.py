@@ -11,15 +11,13 @@ import click
 from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._model import ModelValues, model_options, run_model_settings
 from gpsfsm.cli._options import (
-    AllowValues,
     LibraryValues,
-    allow_options,
     config_options,
     format_option,
     library_options,
-    permissions,
     read_values,
 )
+from gpsfsm.cli._running import AllowValues, allow_options, permissions
 from gpsfsm.errors import UsageError
 from gpsfsm.running.bounds import PERMISSIONS, not_permitted
 from gpsfsm.streams import complain

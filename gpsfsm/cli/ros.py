@@ -15,8 +15,8 @@ from gpsfsm.cli._gating import (
     task_option,
 )
 from gpsfsm.cli._help import CommandGroup, Section, declare, declare_file
-from gpsfsm.cli._log import LogValues, log_options
-from gpsfsm.cli._options import NumberRange, library_options, ros_option, ros_settings
+from gpsfsm.cli._options import NumberRange, library_options
+from gpsfsm.cli._running import LogValues, log_options, ros_option, ros_settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,11 +13,9 @@ from gpsfsm.cli._help import ANY_PATH, Command, Section, declare, declare_file
 from gpsfsm.cli._model import model_options, run_model_settings
 from gpsfsm.cli._options import (
     LIMITS,
-    AllowValues,
     LibraryValues,
     LimitValues,
     NumberRange,
-    allow_options,
     apply,
     config_options,
     engine_option,
@@ -25,14 +23,20 @@ from gpsfsm.cli._options import (
     library_options,
     limit_options,
     option,
-    permissions,
     read_values,
     response_option,
+)
+from gpsfsm.cli._running import (
+    AllowValues,
+    RegenerationValues,
+    allow_options,
+    permissions,
+    regeneration_options,
     ros_option,
     ros_settings,
     via_option,
+    wanted,
 )
-from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options, wanted
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.running.bounds import MAX_PLANS, PERMISSIONS

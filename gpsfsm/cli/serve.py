@@ -12,22 +12,27 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._help import Command, Section, declare, declare_file
-from gpsfsm.cli._log import LogValues, log_options
 from gpsfsm.cli._model import model_options
 from gpsfsm.cli._options import (
-    AllowValues,
     LibraryValues,
     NumberRange,
-    allow_options,
     apply,
     config_options,
     library_options,
-    permissions,
     read_values,
+)
+from gpsfsm.cli._running import (
+    AllowValues,
+    LogValues,
+    RegenerationValues,
+    allow_options,
+    log_options,
+    permissions,
+    regeneration_options,
     ros_option,
     ros_settings,
+    wanted,
 )
-from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options
 from gpsfsm.errors import UsageError
 from gpsfsm.running.bounds import PERMISSIONS
 
@@ -35,7 +40,7 @@ if TYPE_CHECKING:
     from gpsfsm.generation.providers.address import Secret
     from gpsfsm.service import Settings
 
-_TOKEN = "GPSFSM_TOKEN"  # noqa: S105  (the name of a variable)
+_VARIABLE = "GPSFSM_TOKEN"
 _SETTINGS = frozenset(("capabilities", "builtin_capabilities", "robot"))
 _SECONDS = NumberRange(0, 86_400, min_open=True)
 _COUNT = click.IntRange(1, 1_000_000)
@@ -67,7 +72,7 @@ def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
             declare_file(
                 "--token-file",
                 common=True,
-                help=f"File of client tokens, one per line. [env: {_TOKEN}]",
+                help=f"File of client tokens, one per line. [env: {_VARIABLE}]",
             ),
         ),
         command,
@@ -409,7 +414,7 @@ def _tokens(file: str | None) -> tuple[Secret, ...]:
     from gpsfsm.generation.providers.address import Secret
 
     if file is None:
-        alone = Secret(os.environ.get(_TOKEN, ""), _TOKEN)
+        alone = Secret(os.environ.get(_VARIABLE, ""), _VARIABLE)
         return (alone,) if alone else ()
     try:
         text = read_whole(file, _MOST_TOKEN_BYTES).decode("utf-8", "replace")
@@ -429,7 +434,6 @@ def _runs(
 ) -> dict[str, Any]:
     """The settings of runs, for the process that runs the plans."""
     from gpsfsm.cli._model import run_model_settings
-    from gpsfsm.cli._regenerate import wanted
 
     options: dict[str, Any] = {**allowed}
     if values.action_timeout is not None:

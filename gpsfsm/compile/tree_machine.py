@@ -16,7 +16,7 @@ known when the body is compiled, so they have a number of their own (a *port*), 
 at the end. A loop passes through an outcome: where nothing in the body has one, a tick stands in.
 
 *What is not known* (a value, a clock, how often a bounded loop has gone round) is a choice
-(``model/choice.py``): the machine has all runs that the tree has, and perhaps more. So what it
+(``model/capability.py``): the machine has all runs that the tree has, and perhaps more. So what it
 never does the tree never does. ``TreeMachine.approximated`` are the nodes of which that is true.
 """
 

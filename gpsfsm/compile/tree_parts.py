@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from gpsfsm.compile.tree_ties import Question, Ties
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.model.automaton import Edge, Node, NodeKind
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Attribute, Element, Kind
 

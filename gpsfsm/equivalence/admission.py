@@ -80,7 +80,7 @@ class Admission:
         return any(side.tied for side in self.sides)
 
     def admits(self, side: int, outcomes: Iterable[tuple[int, Event]]) -> bool:
-        """True if a scenario has these outcomes. Raises Inconclusive if z3 meets its limit."""
+        """True if a scenario has these outcomes. Raises InconclusiveError if z3 meets its limit."""
         tied = self.sides[side].tied
         return self.sides[side].admits(tuple(sorted(each for each in outcomes if each[0] in tied)))
 

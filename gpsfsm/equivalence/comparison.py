@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Literal
 
-from gpsfsm.analysis.solver import Inconclusive
+from gpsfsm.analysis.solver import InconclusiveError
 from gpsfsm.compile import Compiled, MachinePlan, compile_plan
 from gpsfsm.equivalence.alignment import sides_of
 from gpsfsm.equivalence.pairs import OUTCOMES, Behaviour, Difference, Joint, Step
@@ -223,7 +223,7 @@ def compare(
     )
     try:
         return _decide(sides, decider, rlimit, second_opinion=second_opinion)
-    except Inconclusive:
+    except InconclusiveError:
         raise UndecidedError("z3 reached its limit on the assumptions") from None
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.counterexamples import explain
 from gpsfsm.analysis.encode import conjunction
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import actor, listed, place
 from gpsfsm.compile import compile_plan
@@ -158,7 +158,7 @@ def differs_on_engine(
     compiled = compile_plan(paper.plan) if chained else paper.compiled
     try:
         compared = difference_on_engine(compiled, engine.compiled, admits=None if free else admits)
-    except Inconclusive:  # whether some scenario has such outcomes
+    except InconclusiveError:  # whether some scenario has such outcomes
         compared = Compared(None, decided=False)
     if not compared.decided:
         return [], [f"whether the plan differs on {name}"]
@@ -187,7 +187,7 @@ def hangs_without_start(engine: Context, name: str) -> tuple[list[Finding], list
     ]
     try:
         lost = [each for each, hangs in zip(runners, solver.decide(terms), strict=True) if hangs]
-    except Inconclusive:
+    except InconclusiveError:
         return [], [f"whether the plan differs on {name}"]
     if not lost:
         return [], []

@@ -215,7 +215,7 @@ class Sides:
         return tuple(sorted((*joint.assigned, step)))
 
     def allows(self, joint: Joint, step: Step) -> bool:
-        """True if the observer may give this outcome. Raises Inconclusive."""
+        """True if the observer may give this outcome. Raises InconclusiveError."""
         if self.consistent:
             kind = self.kinds[0][step.pair.first]
             if any(

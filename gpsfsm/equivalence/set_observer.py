@@ -168,7 +168,7 @@ def _moves(sides: Sides, place: Place) -> Iterator[tuple[Together, Event]]:
 
 
 def admits(sides: Sides, place: Place, each: Together, event: Event) -> bool:
-    """True if all of them may have this outcome, however they are paired. Raises Inconclusive."""
+    """True if all may have this outcome, however they are paired. Raises InconclusiveError."""
     kind = sides.kinds[0][each.first[0]]
     if any(decided_kind == kind and event is not other for decided_kind, other in place.decided):
         return False

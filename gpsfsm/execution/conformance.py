@@ -109,10 +109,9 @@ class _Prepared(Runner):
         await self.inner.start(context)
 
     async def run(
-        self,
-        parameters: Mapping[str, RunValue],  # noqa: ARG002
-        context: RunContext,
+        self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue] | None:
+        del parameters  # those of the case instead
         case = self.case
         wanted = case.each[context.number] if case.each else case.parameters
         if wanted is None:

@@ -316,7 +316,7 @@ class Lease:
         import fcntl
 
         try:
-            status = os.stat(self._path)  # noqa: PTH116
+            status = Path(self._path).stat()
             identity = status.st_dev, status.st_ino
             if self._file < 0 and identity not in _LEASED:
                 self._file = os.open(self._path, os.O_RDWR | os.O_CLOEXEC | os.O_NONBLOCK)

@@ -155,7 +155,7 @@ class Seen:
         os.close(self._file)
         if remove:
             with suppress(OSError):
-                os.unlink(self._path)  # noqa: PTH108
+                Path(self._path).unlink()
 
 
 def _boot() -> bytes:

@@ -158,11 +158,11 @@ _RUNS = "SELECT run, id, header, file, wall_us, {wall_hash} FROM run"
 _RUN_TYPES = "isssib"
 _SPAN = "SELECT coalesce(min(run), 0), coalesce(max(run), 0) FROM run"
 _LAST = "SELECT coalesce(max(seq), 0) FROM event WHERE run = ?"
-_ENDED = f"SELECT seq, data FROM event WHERE run = ? AND seq <= ? AND kind = '{Kind.ENDED}'"  # noqa: S608
-_GAPS = f"""SELECT run FROM (
+_ENDED = "SELECT seq, data FROM event WHERE run = ? AND seq <= ? AND kind = 'ENDED'"
+_GAPS = """SELECT run FROM (
   SELECT run, count(*) AS rows, min(seq) AS first, max(seq) AS last FROM event GROUP BY run
-  UNION ALL SELECT {QUEUE}, count(*), min(seq), max(seq) FROM queue
-) WHERE first <> 1 OR last <> rows LIMIT 1"""  # noqa: S608
+  UNION ALL SELECT ?, count(*), min(seq), max(seq) FROM queue
+) WHERE first <> 1 OR last <> rows LIMIT 1"""
 _QUEUE = (
     "SELECT seq, at_us, kind, plan, by, data, message, wall_us, hash, {wall_hash} FROM queue "
     "WHERE seq > ? ORDER BY seq"
@@ -335,7 +335,7 @@ class JournalReader:
 
         Without reading them, so no hash is looked at.
         """
-        (number,) = next(self._rows(_GAPS, types="i"), (None,))
+        (number,) = next(self._rows(_GAPS, QUEUE, types="i"), (None,))
         if number is None:
             return
         rows = self._decisions(0) if number == QUEUE else self.events(number)

@@ -8,7 +8,6 @@ off while it blocks its thread goes on, until it gives its thread back; it gets 
 from __future__ import annotations
 
 import asyncio
-import random
 import time
 from contextlib import suppress
 from functools import partial
@@ -25,6 +24,7 @@ from gpsfsm.execution.runner import (
     clean,
     failure,
     said,
+    seeded,
     visited,
 )
 
@@ -388,7 +388,7 @@ class RealtimeDriver(Adopting):
             number=command.number,
             element=element,
             key=f"{self._run_id}:{action}",
-            random=random.Random(fate),  # noqa: S311  (not for secrets)
+            random=seeded(fate),
             sleeper=self._sleep,
             clock=lambda: self.now_us() / _SECOND,
             logger=logger,

@@ -7,6 +7,7 @@ time. See docs/runners.md for one in 20 lines.
 
 from __future__ import annotations
 
+import random
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from gpsfsm.execution.records import RunValue
 
 if TYPE_CHECKING:
-    import random
     from collections.abc import Awaitable, Callable, Mapping
 
     from gpsfsm.execution.records import RunValue
@@ -105,6 +105,11 @@ def visited(element: str, visit: int) -> str:
     return element if visit == 1 else f"{element}#{visit}"
 
 
+def seeded(seed: int | str) -> random.Random:
+    """A source of chance for simulations: the same seed, the same draws."""
+    return random.Random(seed)  # noqa: S311  (no secret)
+
+
 class Runner(ABC):
     """A runner. An exception that leaves ``run`` is a failure of the instance, not of the engine.
 
@@ -114,8 +119,9 @@ class Runner(ABC):
 
     idempotent: bool = False
 
-    async def start(self, context: LoadContext) -> None:  # noqa: B027  (nothing to do for most)
+    async def start(self, context: LoadContext) -> None:
         """Prepare. An exception means that the runner could not be loaded."""
+        del context
 
     @abstractmethod
     async def run(
@@ -126,13 +132,14 @@ class Runner(ABC):
     async def stop(self) -> None:  # noqa: B027
         """Release all resources: the runner is unloaded."""
 
-    async def left(self, key: str) -> str:  # noqa: ARG002
+    async def left(self, key: str) -> str:
         """Stop what an action may still do outside after its process has ended.
 
         Called in the process that continues the run, before anything else happens in it, for each
         instance that was active and is not repeated. ``key`` is the ``RunContext.key`` of that
         action. Return a sentence about what was done; it is written into the journal.
         """
+        del key
         return ""
 
 

@@ -24,6 +24,7 @@ from gpsfsm.execution.runner import (
     clean,
     close,
     said,
+    seeded,
     taken,
     visited,
 )
@@ -121,7 +122,7 @@ class _Context(RunContext):
     def random(self) -> random.Random:  # type: ignore[override]
         if self._random is None:
             plan = self._driver.kernel.automaton.fingerprint  # other plans meet another fate
-            self._random = random.Random(f"{self.key}:{plan}")  # noqa: S311  (a simulation)
+            self._random = seeded(f"{self.key}:{plan}")
         return self._random
 
     def _log(self, text: str, data: Mapping[str, RunValue]) -> None:

@@ -18,7 +18,7 @@ from gpsfsm.compile.units import MachinePlan
 from gpsfsm.equivalence import UndecidedError, compare
 from gpsfsm.equivalence.normal_form import Label, one_form
 from gpsfsm.fixing.fixer import apply_to
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Verdict
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,6 +38,9 @@ _MAX_CHARACTERS = 20_000_000
 """Code points checked in all: bounds the time, and the same on every machine."""
 
 _MAX_PROPOSALS = 500
+_MAX_PROBLEMS = 5_000
+"""So many findings of a rule are compared: one that is not listed is not seen to be gone."""
+
 _MAX_LOOKED_AT = 100_000
 
 
@@ -47,8 +51,8 @@ class Fixed:
     ``original`` and ``text`` are the decoded texts before and after, without a byte order mark, and
     "" if the input cannot be decoded. ``unsafe_left`` is the number of findings with unsafe fixes
     that were not requested and therefore not tried. ``failed`` maps the names of fixers that
-    failed because of a defect to the errors. ``before`` is the number of selected findings in the
-    original text.
+    failed because of a defect to the errors. ``before`` and ``after`` are the numbers of selected
+    findings in the two texts, also where the report lists only the first ones of a rule.
     """
 
     original: str
@@ -58,6 +62,7 @@ class Fixed:
     unsafe_left: int = 0
     failed: Mapping[str, str] = field(default_factory=dict)
     before: int = 0
+    after: int = 0
 
     @property
     def changed(self) -> bool:
@@ -97,6 +102,7 @@ class Fixed:
                 for each in self.applied
             ],
             "before": self.before,
+            "after": self.after,
             "unsafe_left": self.unsafe_left,
             "failed": dict(self.failed),
             "report": self.report.to_dict(),
@@ -122,11 +128,13 @@ def fix_text(
     report = check_text(text, path, options)
     if report.source is None:  # nothing of a plan is in it, or it cannot be read
         original = read_source(text, options.limits).text or ""
-        return Fixed(original, original, (), report, before=len(report.findings))
-    original, before = report.source, len(report.findings)
+        count = len(report.findings)
+        return Fixed(original, original, (), report, before=count, after=count)
+    original = report.source
     if not original or not report.findings:
         return Fixed(original, original, (), report)
     session = _Session(_of_all_rules(text, path, options, report), options, path)
+    before = session.count(report)
     session.run(Safety.SAFE)
     if unsafe:
         session.run(Safety.UNSAFE)
@@ -134,13 +142,15 @@ def fix_text(
     if session.applied:
         report = check_text(session.text, path, options)
     applied = tuple(session.applied)
-    return Fixed(original, session.text, applied, report, left, session.failed, before)
+    failed, after = session.failed, session.count(report)
+    return Fixed(original, session.text, applied, report, left, failed, before, after)
 
 
 def _plain(options: CheckOptions) -> CheckOptions:
     """The same check with all findings and without scenarios, which only explain."""
     analysis = replace(options.analysis, max_scenarios=0)
-    return replace(options, analysis=analysis, selection=Selection())
+    limits = replace(options.limits, max_problems=max(options.limits.max_problems, _MAX_PROBLEMS))
+    return replace(options, analysis=analysis, limits=limits, selection=Selection())
 
 
 def _of_all_rules(
@@ -151,9 +161,16 @@ def _of_all_rules(
     Where gpsfsm could not decide, looking for scenarios may have been the reason.
     """
     undecided = any(says_no_verdict(finding.rule) for finding in report.findings)
-    if options.selection == Selection() and options.engine == PAPER_ENGINE and not undecided:
+    default = options.selection == Selection() and options.engine == PAPER_ENGINE
+    if default and not undecided and _is_whole(report, options):
         return report
     return check_text(text, path, _plain(options))
+
+
+def _is_whole(report: PlanReport, options: CheckOptions) -> bool:
+    """True if no rule has more findings than are listed."""
+    listed = Counter(finding.rule for finding in report.findings)
+    return max(listed.values(), default=0) < options.limits.max_problems
 
 
 class _Session:
@@ -186,6 +203,12 @@ class _Session:
         """The number of findings for which there are proposals of this kind, not yet tried."""
         proposals = self._proposals(self._draft(), safety)
         return len({(proposal.fix.rule, proposal.fix.at) for proposal in proposals})
+
+    def count(self, report: PlanReport) -> int:
+        """The number of selected findings of the text as it is now, whose report this is."""
+        if _is_whole(report, self.options):
+            return len(report.findings)
+        return len(self.options.selection.split(self.report.findings)[0])
 
     def _draft(self) -> Draft:
         shown, _ = self.options.selection.split(self.report.findings)
@@ -249,11 +272,16 @@ def _order(proposal: _Proposal) -> int:
 
 
 def _groups(proposals: list[_Proposal]) -> Iterator[list[_Proposal]]:
-    """Larger groups first: most often all proposals are good, and then one check is enough."""
+    """Larger groups first: most often all proposals are good, and then one check is enough.
+
+    Else halves, quarters and so on: among a hundred with a bad one, few checks lead to that.
+    """
     yield proposals
     names = list(dict.fromkeys(proposal.fixer.name for proposal in proposals))
     if len(names) > 1:
         for name in names:
             yield [proposal for proposal in proposals if proposal.fixer.name == name]
-    if len(proposals) > 1:
-        yield from ([proposal] for proposal in proposals)
+    size = len(proposals)
+    while size > 1:
+        size = (size + 1) // 2
+        yield from (proposals[at : at + size] for at in range(0, len(proposals), size))

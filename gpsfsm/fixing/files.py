@@ -190,12 +190,12 @@ def total_line(outcomes: Sequence[Outcome], wish: Wish) -> str:
     """The number of fixes, and of findings before and after: fixes can bring others to light."""
     done = [outcome.fixed for outcome in outcomes if outcome.fixed]
     fixes = sum(len(fixed.applied) for fixed in done)
-    left = sum(len(outcome.report.findings) for outcome in outcomes)
+    unread = sum(len(outcome.report.findings) for outcome in outcomes if not outcome.fixed)
+    left = unread + sum(fixed.after for fixed in done)
     if not fixes:
         remain = "1 finding remains" if left == 1 else f"{left:,} findings remain"
         return f"nothing to fix; {remain}\n" if left else "nothing to fix\n"
     changed = sum(outcome.changed for outcome in outcomes)
-    unread = sum(len(outcome.report.findings) for outcome in outcomes if not outcome.fixed)
     before = unread + sum(fixed.before for fixed in done)
     many = "1 fix" if fixes == 1 else f"{fixes:,} fixes"
     where = "1 plan" if changed == 1 else f"{changed:,} plans"

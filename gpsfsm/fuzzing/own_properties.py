@@ -21,7 +21,7 @@ from gpsfsm.fuzzing.properties import Breach, Property, guarded
 from gpsfsm.fuzzing.runs import EVENTS
 from gpsfsm.fuzzing.subject import Fate
 from gpsfsm.model.event import End, Event, Outcome
-from gpsfsm.tasks.ltlf import TooLarge
+from gpsfsm.tasks.ltlf import TooLargeError
 from gpsfsm.tasks.monitor import Matching, RuleMonitor, Violation
 from gpsfsm.tasks.steps import StepsMonitor
 
@@ -174,7 +174,7 @@ def _demands(run: Run, task: Task) -> Iterator[Demand]:
     for rule in task.rules:
         try:
             yield RuleMonitor(rule, task.patterns, matching)
-        except TooLarge:
+        except TooLargeError:
             raise UsageError(
                 f"{task.file}: the rule '{rule.name:.100}' has too many states to be followed; "
                 "make several rules of it"

@@ -24,6 +24,7 @@ from gpsfsm.capabilities.library import bind, builtin_capabilities
 from gpsfsm.compile import MachinePlan, compile_plan
 from gpsfsm.compile.plan_text import read_plan_or_machine
 from gpsfsm.errors import GpsfsmError, UsageError, misused, require_amount, require_list
+from gpsfsm.execution.runner import seeded
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.plan import Plan
 from gpsfsm.model.printable import clip
@@ -309,7 +310,7 @@ def subject_of(
         compiled, subject.fates, assumptions=assumptions, consistent=consistent
     )
     subject = replace(subject, admission=admission)
-    subject.mended(subject.plain, random.Random(0))  # noqa: S311  (whether there is a scenario)
+    subject.mended(subject.plain, seeded(0))  # raises if there is no scenario
     return subject
 
 
@@ -380,7 +381,7 @@ def draw(subject: Subject, seed: int, index: int) -> TimedScenario:
     some instances end together, within what the capability files declare. What the assumptions do
     not admit is mended.
     """
-    source = random.Random(f"{seed}:{index}")  # noqa: S311  (no secret; the same everywhere)
+    source = seeded(f"{seed}:{index}")
     if index == 0:
         return subject.mended(subject.plain, source)
     alone = _alone(subject, index - 1)
@@ -509,11 +510,8 @@ class Admission:
             fates[each] = fate if same else self._of_outcome(each, fate.outcome)
 
     def _solved_for(self, fates: Sequence[Fate], source: random.Random) -> dict[int, Outcome]:
-        """Outcomes of the instances that formulas speak of: one after the other stays or changes.
-
-        The order is drawn, so that it is not always the same ones that change.
-        """
-        from gpsfsm.analysis.solver import Inconclusive
+        """Outcomes of the instances of formulas: each stays or changes, in an order drawn."""
+        from gpsfsm.analysis.solver import InconclusiveError
 
         solver, names = self._solver
         spoken = list(self._spoken)
@@ -532,7 +530,7 @@ class Admission:
                         break
                 else:
                     raise UsageError(_NO_SCENARIO)
-        except Inconclusive:
+        except InconclusiveError:
             raise GpsfsmError("z3 reached its limit on the assumptions") from None
         return fixed
 
@@ -591,10 +589,8 @@ def admission_of(
             allowed[number] = common
     if not all(allowed):
         raise UsageError(_NO_SCENARIO)
-    constraints = replace(
-        tied,
-        allowed=tuple(allowed),
-        no_start=any(Outcome.NO_START in each for each in allowed),
-        hang=any(Outcome.HANG in each for each in allowed),
+    no_start, hang = (
+        any(outcome in each for each in allowed) for outcome in (Outcome.NO_START, Outcome.HANG)
     )
+    constraints = replace(tied, allowed=tuple(allowed), no_start=no_start, hang=hang)
     return Admission(compiled, fates, constraints)

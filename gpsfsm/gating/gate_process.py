@@ -20,7 +20,7 @@ from gpsfsm.errors import DEBUG_VARIABLE, UsageError, misused
 from gpsfsm.workers import limit_memory
 from gpsfsm.workers.child_process import ChildProcess, child_command
 from gpsfsm.workers.codec import decode, encode
-from gpsfsm.workers.frames import Gone
+from gpsfsm.workers.frames import GoneError
 from gpsfsm.workers.parent_link import WARM_PLAN, serve
 
 if TYPE_CHECKING:
@@ -43,16 +43,16 @@ _VERDICT, _MISUSE = "verdict", "misuse"
 _TARGET = f"{__name__}:main"
 
 
-class NoAnswer(Exception):  # noqa: N818  (it says why there is no verdict)
+class NoAnswerError(Exception):
     """There is no verdict, and why."""
 
 
 def start_worker() -> ChildProcess:
-    """The process that decides. Raises NoAnswer if it cannot be started."""
+    """The process that decides. Raises NoAnswerError if it cannot be started."""
     try:
         return ChildProcess(child_command(_TARGET), silent=not os.environ.get(DEBUG_VARIABLE))
     except (OSError, ValueError) as error:
-        raise NoAnswer(f"no worker could be started: {error}") from None
+        raise NoAnswerError(f"no worker could be started: {error}") from None
 
 
 class Gate:
@@ -123,7 +123,7 @@ class Gate:
         with self._lock:
             try:
                 return self._decided(content, name)
-            except NoAnswer as why:
+            except NoAnswerError as why:
                 self.close()
                 return refusal(content, self.options, str(why), name)
             except UsageError:
@@ -143,12 +143,12 @@ class Gate:
         if head.get("is") == _MISUSE:
             raise UsageError(str(head.get("wrong")))
         if head.get("is") != _VERDICT:
-            raise NoAnswer("the worker's answer is not a verdict")
+            raise NoAnswerError("the worker's answer is not a verdict")
         verdict = verdict_of(answer)
         expected = refusal(text, self.options, "", name)
         theirs = (verdict.digests, verdict.basis.task)
         if theirs != (expected.digests, expected.basis.task):
-            raise NoAnswer("the worker decided about something else")
+            raise NoAnswerError("the worker decided about something else")
         return verdict
 
     def _ready(self) -> ChildProcess:
@@ -160,7 +160,7 @@ class Gate:
                 head, options = {"memory_mb": self._memory_mb}, encode(self.options)
                 answer, _ = _ask(worker, head, options, _START_S, too_late)
                 if answer != {"ready": True}:
-                    raise NoAnswer("no worker could be started")
+                    raise NoAnswerError("no worker could be started")
             except BaseException:
                 worker.end()
                 raise
@@ -171,14 +171,14 @@ class Gate:
 def _ask(
     worker: ChildProcess, head: dict[str, Any], body: bytes, within_s: float, too_late: str
 ) -> Message:
-    """The answer. Raises NoAnswer."""
+    """The answer. Raises NoAnswerError."""
     try:
         return worker.ask(head, body, within_s=within_s)
     except TimeoutError:
-        raise NoAnswer(too_late) from None
-    except Gone:
+        raise NoAnswerError(too_late) from None
+    except GoneError:
         why = "the process that decided has ended; the memory may have run out"
-        raise NoAnswer(why) from None
+        raise NoAnswerError(why) from None
 
 
 def _check(name: str, value: object, least: int, most: int) -> None:

@@ -218,7 +218,7 @@ _LONGEST_S = 86_400.0
 _FOR_EVER_S = float("inf")
 
 
-class AskingInterrupted(Exception):  # noqa: N818  (nothing is wrong)
+class AskingInterruptedError(Exception):
     """The user wants no answer any more."""
 
 
@@ -240,8 +240,8 @@ class Answers:
     """The service ``answers`` of a simulated run.
 
     ``past`` is what the journal tells of the instances, by number, ``last_us`` the time of its last
-    event. ``wait`` runs a coroutine to its end and raises AskingInterrupted if it is interrupted.
-    Without a ``service`` nobody is asked.
+    event. ``wait`` runs a coroutine to its end and raises AskingInterruptedError if it is
+    interrupted. Without a ``service`` nobody is asked.
     """
 
     service: ModelService | None
@@ -279,7 +279,7 @@ class Answers:
             text = self.wait(ask(service, lambda *line: lines.append(LogLine(-1, *line))))
         except RunnerError as error:
             failure = error
-        except AskingInterrupted:
+        except AskingInterruptedError:
             await context.sleep(_FOR_EVER_S)
         journaled = _own(ending)  # of an instance whose lines were journaled, but not the answer
         if journaled:

@@ -11,6 +11,7 @@ import os
 import re
 from dataclasses import dataclass, replace
 from operator import attrgetter
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.checking.inputs import find_inputs, holds_lines
@@ -157,7 +158,7 @@ def _folders(path: str) -> list[tuple[str, str]]:
 
 def _names(path: str) -> list[str]:
     try:
-        return sorted(os.listdir(path))  # noqa: PTH208
+        return sorted(each.name for each in Path(path).iterdir())
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
@@ -326,7 +327,7 @@ def published_times(base: str, system: str) -> Iterator[Time]:
 
     Raises InputError with the line that is wrong.
     """
-    for folder in sorted(os.listdir(base)):  # noqa: PTH208
+    for folder in _names(base):
         file = _joined(base, folder, *_PUBLISHED)
         if folder.lower() == system and _is_file(file):
             yield from _published(file, system)

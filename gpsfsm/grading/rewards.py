@@ -270,10 +270,10 @@ def rewards(
 
 
 def verl_compute_score(
-    data_source: str,  # noqa: ARG001  (verl gives it by name)
+    data_source: str,
     solution_str: str,
     ground_truth: TaskLike,
-    extra_info: object = None,  # noqa: ARG001
+    extra_info: object = None,
     *,
     shaping: bool = False,
     **_: object,
@@ -284,19 +284,21 @@ def verl_compute_score(
     number, not a mapping, because verl's manager ``prime`` and its ``main_eval`` accept only
     numbers. Raises UsageError for an invalid task.
     """
+    del data_source, extra_info  # verl passes them by name
     return reward(solution_str, ground_truth, shaping=shaping)
 
 
 def verl_compute_scores(
-    data_sources: Sequence[str],  # noqa: ARG001  (verl gives it by name)
+    data_sources: Sequence[str],
     solution_strs: Sequence[str],
     ground_truths: Sequence[TaskLike],
-    extra_infos: object = None,  # noqa: ARG001
+    extra_infos: object = None,
     *,
     shaping: bool = False,
     **_: object,
 ) -> list[float]:
     """``verl_compute_score`` for all rows at once, as verl's manager ``batch`` requires."""
+    del data_sources, extra_infos  # verl passes them by name
     require_list("verl_compute_scores", "ground_truths", _listed(ground_truths))
     return rewards(solution_strs, list(ground_truths), shaping=shaping)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.automaton import Action, Automaton, Node, NodeKind
-from gpsfsm.model.choice import OWN
+from gpsfsm.model.capability import OWN
 from gpsfsm.model.event import Event
 from gpsfsm.model.graph import SCHEMA
 from gpsfsm.model.labels import (

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.plan import line_words
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary
@@ -89,8 +89,7 @@ def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
             name, parameters = "choice", [brief(element.text("of") or "", MAX_LABEL)]
         elif element.interface == TICK:
             name = "tick"
-        place = line_words(f"line {element.line}", element.file)
-        lines = [clip(name, MAX_LABEL), ", ".join(parameters), place]
+        lines = [clip(name, MAX_LABEL), ", ".join(parameters), _place(element)]
         return tuple(line for line in lines if line)
     return (node.kind.value.replace("_", " "),)
 
@@ -114,13 +113,19 @@ def parameters_label(
     return [*texts, "…"] if len(texts) < len(shown) else texts
 
 
+def _place(element: Element) -> str:
+    """Its place: ``line 5``, or ``line 5:9`` if it is not alone there."""
+    column = f":{element.column}" if element.shares_line else ""
+    return line_words(f"line {element.line}{column}", element.file)
+
+
 def control_label(element: Element) -> str:
     """The label above a control: its type, its name and its line."""
     words = [element.words or "control"]
     name = element.text("name")
     if name:
         words.append(f"“{clip(name, MAX_LABEL)}”")
-    words.append(f"({line_words(f'line {element.line}', element.file)})")
+    words.append(f"({_place(element)})")
     return " ".join(words)
 
 

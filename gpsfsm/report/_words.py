@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import unicodedata
 from collections import Counter
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.rules import says_no_verdict
@@ -262,12 +263,11 @@ def excerpt(line: str, column: int, *, length: int, limit: int) -> Excerpt:
     low, high = max(0, at - _REACH * limit), min(len(line), at + _REACH * limit)
     whole = low == 0 and high == len(line)
     cuts: list[_Cut] = []
-    cells = _cells(line, low, high, cuts)
     for kind in _KINDS_OF_CUTS:
-        if whole and _fits(cells, limit):
+        if whole and _fits(_cells(line, low, high, cuts), limit):
             break
         cuts += (cut for cut in kind(line, low, high) if cut.stop <= at or cut.start >= end)
-        cells = _cells(line, low, high, cuts)
+    cells = _cells(line, low, high, cuts)
     before = sum(cell.start < at for cell in cells)
     first, last = 0, len(cells)
     if not (whole and _fits(cells, limit)):
@@ -356,8 +356,9 @@ def _window(widths: list[int], at: int, limit: int, *, begins: bool) -> tuple[in
     return first, last
 
 
+@lru_cache(maxsize=1024)
 def _cell(character: str) -> tuple[str, int]:
-    """Tell how one character of a source line is shown, and how many columns that takes."""
+    """One character of a source line as it is shown, and the columns that it takes."""
     if character == "\t":
         return _TAB, len(_TAB)
     shown = printable(character)

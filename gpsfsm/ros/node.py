@@ -17,7 +17,7 @@ from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.errors import GpsfsmError, UsageError, installing
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import DISCOVERY, RosSettings
 
@@ -50,7 +50,7 @@ def rclpy_module() -> Any:
         version = f"{sys.version_info.major}.{sys.version_info.minor}"
         hint = f"source /opt/ros/{distribution()}/setup.bash, and use its Python"
         if error.name not in ("rclpy", None):  # rclpy itself is there
-            hint = "pip install 'gpsfsm[ros]' brings what a sourced ROS 2 lacks in an environment"
+            hint = f"what a sourced ROS 2 lacks in an environment comes with {installing('ros')}"
         raise RosError(f"rclpy cannot be used in Python {version} ({error}): {hint}") from None
     return rclpy
 

@@ -10,7 +10,7 @@ from gpsfsm.execution.journal_errors import DamagedJournalError
 from gpsfsm.execution.registry import PERMIT
 from gpsfsm.execution.runner import RunContext, Runner
 from gpsfsm.execution.virtual import VirtualDriver
-from gpsfsm.model.choice import CHOICE, OWN
+from gpsfsm.model.capability import CHOICE, OWN
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.labels import action
 from gpsfsm.model.printable import clip

@@ -190,7 +190,7 @@ def _waiting(interruption: Interruption) -> Callable[[Coroutine[Any, Any, str]],
     def wait(asking: Coroutine[Any, Any, str]) -> str:
         import asyncio
 
-        from gpsfsm.generation.service import AskingInterrupted
+        from gpsfsm.generation.service import AskingInterruptedError
 
         async def work() -> str:
             loop, task = asyncio.get_running_loop(), asyncio.ensure_future(asking)
@@ -205,7 +205,7 @@ def _waiting(interruption: Interruption) -> Callable[[Coroutine[Any, Any, str]],
                     task.cancel()
                 return await task
             except asyncio.CancelledError:
-                raise AskingInterrupted from None
+                raise AskingInterruptedError from None
             finally:
                 interruption.on_request = before
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import UsageError, installing
 from gpsfsm.service.settings import Settings
 
 if TYPE_CHECKING:
@@ -43,5 +43,5 @@ def _require(*modules: str) -> None:
         for module in modules:
             importlib.import_module(module)
     except ImportError as error:
-        needed = "the service needs Starlette and uvicorn: pip install 'gpsfsm[serve]'"
-        raise UsageError(f"{needed}, or '.[serve]' in a clone ({error})") from error
+        needed = f"the service needs Starlette and uvicorn: {installing('serve')}"
+        raise UsageError(f"{needed} ({error})") from error

@@ -24,7 +24,7 @@ from gpsfsm.service.shapes import Answer, Problem, is_plan, parsed
 from gpsfsm.service.traces import Traces
 from gpsfsm.strict_json import strict_loads
 from gpsfsm.workers.child_process import AsyncChildProcess
-from gpsfsm.workers.frames import Gone
+from gpsfsm.workers.frames import GoneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -112,7 +112,7 @@ class PlanQueueClient:
                 if self._halted != why and "failed" not in answer:  # a stop has come meanwhile
                     how = {"reason": self._halted, "renew": True}
                     await process.send({"op": "stop_all", **how, "id": 0})
-        except (Gone, TimeoutError) as error:
+        except (GoneError, TimeoutError) as error:
             await process.end()
             why = str(error) or "did not start in time"
             raise GpsfsmError(f"{_NAME}{why}") from None
@@ -132,7 +132,7 @@ class PlanQueueClient:
             assert self._process is not None
             assert self._steady is not None
             process, failed_before = self._process, bool(self.failure)
-            with suppress(Gone):
+            with suppress(GoneError):
                 await self._listen(process)
             self._steady.cancel()
             self._process = None
@@ -160,7 +160,7 @@ class PlanQueueClient:
     def _break_off(self) -> None:
         for future in self._pending.values():
             if not future.done():
-                future.set_exception(Gone("has ended"))
+                future.set_exception(GoneError("has ended"))
         self._pending.clear()
         self._tell()
 
@@ -212,7 +212,7 @@ class PlanQueueClient:
         for _ in range(1 if once else 2):
             try:
                 return await self._ask({"op": op, **more}, text)
-            except Gone:
+            except GoneError:
                 continue
         raise Problem(503, "the plan queue has ended and is being restarted; try again", retry_s=5)
 
@@ -234,7 +234,9 @@ class PlanQueueClient:
             async with asyncio.timeout(_ANSWER_S):
                 try:
                     await process.send({**head, "id": number}, body)
-                except Gone:  # whoever listens may notice it later, and breaks the future off then
+                except (
+                    GoneError
+                ):  # whoever listens may notice it later, and breaks the future off then
                     await process.end()
                 answer = await future
         except TimeoutError:
@@ -270,7 +272,7 @@ class PlanQueueClient:
         except TimeoutError:
             await process.end()  # whoever listens starts another one
             return {"problem": f"the plan queue has not answered within {within_s:g} s; {_KILLED}"}
-        except Gone:
+        except GoneError:
             return {"problem": "the plan queue has ended; it is held once it is back"}
         finally:
             self._pending.pop(number, None)
@@ -280,7 +282,7 @@ class PlanQueueClient:
         self._closing = True
         process = self._process
         if process is not None and process.alive:
-            with suppress(Gone):
+            with suppress(GoneError):
                 await process.send({"op": "stop"})
             await process.end(within_s=self._settings.grace_s)
             if process.code:

@@ -25,7 +25,7 @@ from gpsfsm.service.costs import SMALL_BYTES, Kind, expected_ms, kind_of
 from gpsfsm.service.shapes import Problem
 from gpsfsm.service.traces import Traces
 from gpsfsm.workers.child_process import AsyncChildProcess, child_command
-from gpsfsm.workers.frames import Gone
+from gpsfsm.workers.frames import GoneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -207,7 +207,7 @@ class Staff:
                 answer, _ = await process.receive()
             if "failed" in answer:
                 raise GpsfsmError(answer["failed"])
-        except (Gone, TimeoutError) as error:
+        except (GoneError, TimeoutError) as error:
             await process.end()
             why = str(error) or "did not start in time"
             raise GpsfsmError(f"a worker {why}") from None
@@ -412,7 +412,7 @@ class Pool:
                 raise _OverrunError from None
             text = f"the plan is undecided after {limit_s:g} s"
             raise Problem(504, f"{text}; --time-limit of the service sets this limit") from None
-        except Gone as gone:
+        except GoneError as gone:
             message = f"the process that worked on it {gone}; its memory may have run out"
             raise Problem(503, message, retry_s=5) from None
         finally:

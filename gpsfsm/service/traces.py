@@ -19,7 +19,7 @@ from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm import logs
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import UsageError, installing
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ _METHODS = frozenset(
 _OTHER = "_OTHER"
 """What the conventions call a method that nobody knows."""
 _FLUSH_S = 3.0
-_INSTALL = "pip install 'gpsfsm[otel]', or '.[otel]' in a clone"
+_INSTALL = installing("otel")
 
 
 class Traces:
@@ -199,9 +199,8 @@ def start_traces(wanted: bool | None, environment: Mapping[str, str] | None = No
     try:
         return Traces(_provider(around))
     except ValueError as error:  # of a variable that OpenTelemetry itself reads
-        raise UsageError(
-            f"OpenTelemetry cannot start with these OTEL_ variables: {error}"
-        ) from None
+        what = "OpenTelemetry cannot start with these OTEL_ variables"
+        raise UsageError(f"{what}: {error}") from None
     except ImportError as error:
         if wanted:
             raise UsageError(f"--otel needs OpenTelemetry: {_INSTALL} ({error})") from error

@@ -422,11 +422,10 @@ class Simulated(Runner):
             raise RunnerError(self.settings.message or "it failed by chance, as the world has it")
 
     def act(
-        self,
-        parameters: Mapping[str, RunValue],  # noqa: ARG002
-        context: RunContext,  # noqa: ARG002
+        self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue] | None:
         """Act, at the end of the duration. Override this method; by default it does nothing."""
+        del parameters, context
         return None
 
     def now(self, context: RunContext) -> float:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.capabilities.describe import specs
 from gpsfsm.execution.registry import Mode, runner_class
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
-from gpsfsm.model.capability import Provider, ValueType
-from gpsfsm.model.choice import CHOICE
+from gpsfsm.model.capability import CHOICE, Provider, ValueType
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.plan import value_key
 from gpsfsm.simulation.base import WorldState, said_true

@@ -5,8 +5,8 @@ used. All of them shrink: to few runners, no controls, no faults, no defects.
 
 >>> from hypothesis import find, settings
 >>> from gpsfsm.strategies import plans
->>> found = find(plans(), lambda text: "<Control" not in text, settings=settings(database=None))
->>> found.count("<Runner ")
+>>> smallest = find(plans(), lambda text: "<Control" not in text, settings=settings(database=None))
+>>> smallest.count("<Runner ")
 1
 """
 
@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import importlib
 from typing import TYPE_CHECKING, Any
+
+from gpsfsm.errors import installing
 
 if TYPE_CHECKING:
     from gpsfsm.strategies._answers import DEFECTS, Answer, answers
@@ -54,8 +56,7 @@ def __getattr__(name: str) -> Any:
         if error.name != "hypothesis":
             raise
         raise ImportError(
-            f"{__name__}.{name} needs hypothesis, which is not installed: "
-            "pip install 'gpsfsm[fuzz]'"
+            f"{__name__}.{name} needs hypothesis, which is not installed: {installing('fuzz')}"
         ) from error
 
 

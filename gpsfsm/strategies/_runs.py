@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import random
 from typing import TYPE_CHECKING, Any
 
 from hypothesis import strategies as st
 
+from gpsfsm.execution.runner import seeded
 from gpsfsm.fuzzing.subject import Subject, TimedScenario, subject_of
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def _scenarios(draw: DrawFn, subject: Subject, max_faults: int | None) -> TimedS
         left -= fate is not fates[0]
         # within what is declared
         acts.append(subject.act(number, fate, draw(st.sampled_from(_SECONDS)) * 1_000))
-    always_alike = random.Random(0)  # noqa: S311  (hypothesis has drawn already)
+    always_alike = seeded(0)  # hypothesis has drawn already
     return subject.mended(TimedScenario(tuple(acts)), always_alike)
 
 

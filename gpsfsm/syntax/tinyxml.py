@@ -50,7 +50,7 @@ _MAX_CODE_POINT = 0x10FFFF
 _WORD = 0xFFFFFFFF  # numbers are read into 32 bits, and the excess is lost
 _HEX = {ord(digit): int(digit, 16) for digit in "0123456789abcdefABCDEF"}
 _DECIMAL = {ord(digit): int(digit) for digit in "0123456789"}
-_PASS = "surrogatepass"  # noqa: S105  (the name of an error handler)
+_SURROGATES = "surrogatepass"
 _AMPERSAND, _CR, _LF = b"&\r\n"
 _SPECIAL = re.compile(rb"[&\r\n]")
 
@@ -61,7 +61,7 @@ def to_bytes(text: str) -> bytes:
         return text.encode("utf-8", "surrogateescape")
     except UnicodeEncodeError:  # other surrogates: from "\ud800" in JSON, for instance
         return b"".join(
-            each.encode("utf-8", "surrogateescape" if "\udc80" <= each <= "\udcff" else _PASS)
+            each.encode("utf-8", "surrogateescape" if "\udc80" <= each <= "\udcff" else _SURROGATES)
             for each in text
         )
 
@@ -171,7 +171,7 @@ def _character(data: bytes, semicolon: int, *, is_hex: bool) -> bytes | None:
         at -= 1
     if total > _MAX_CODE_POINT:
         return None
-    return chr(total).encode("utf-8", _PASS)
+    return chr(total).encode("utf-8", _SURROGATES)
 
 
 # ---- The tree of the text, or its error, and the plan in that tree -------------------------------
@@ -214,7 +214,7 @@ def parse_document(text: str, limits: Limits = DEFAULT_LIMITS) -> EngineDocument
         text = text[: nul.start()]
     try:
         return _Parser(text, limits).parse()
-    except Wrong as wrong:
+    except WrongError as wrong:
         line = text.count("\n", 0, wrong.line_of) + 1 if wrong.line_of >= 0 else 0
         return Unreadable(wrong.name, line, wrong.offset, str(wrong))
 
@@ -255,7 +255,7 @@ class _Parser:
         at = skip_space(text, 0)
         at += text.startswith("\ufeff", at)
         if at == len(text):
-            raise Wrong("XML_ERROR_EMPTY_DOCUMENT", at, "the text is empty", line_of=-1)
+            raise WrongError("XML_ERROR_EMPTY_DOCUMENT", at, "the text is empty", line_of=-1)
         while True:
             start = skip_space(text, at)
             if start == len(text):
@@ -274,7 +274,7 @@ class _Parser:
         """The text has ended inside an element."""
         # An end right behind the '>' is told as if the wrong end tag had come.
         name = "XML_ERROR_MISMATCHED_ELEMENT" if inner.end == len(self._text) else _PARSING
-        raise Wrong(name, inner.start, f"<{inner.name}> is never closed", line_of=inner.start)
+        raise WrongError(name, inner.start, f"<{inner.name}> is never closed", line_of=inner.start)
 
     def _node(self, before: int, start: int) -> int | None:
         """Read the node at ``start``, behind white space from ``before``; None: parsing is over."""
@@ -299,7 +299,7 @@ class _Parser:
         tag = element.tag
         if tag.end < len(self._text) and len(self._open) + 1 >= MAX_DEPTH:
             message = f"the elements are nested {len(self._open)} deep"
-            raise Wrong("XML_ELEMENT_DEPTH_EXCEEDED", tag.start, message, line_of=tag.end)
+            raise WrongError("XML_ELEMENT_DEPTH_EXCEEDED", tag.start, message, line_of=tag.end)
 
     def _end_tag(self, tag: Tag) -> int | None:
         if not self._open:
@@ -308,7 +308,9 @@ class _Parser:
         expected = element.tag
         if tag.name != expected.name:
             message = f"</{tag.name}> does not close <{expected.name}>"
-            raise Wrong("XML_ERROR_MISMATCHED_ELEMENT", tag.start, message, line_of=expected.start)
+            raise WrongError(
+                "XML_ERROR_MISMATCHED_ELEMENT", tag.start, message, line_of=expected.start
+            )
         self._nodes[element.index] = element.close()
         return tag.end
 
@@ -320,10 +322,12 @@ class _Parser:
         begin = start + len(mark)
         end = text.find(end_mark, begin)
         if end < 0:
-            raise Wrong(error, start, f"'{mark}' has no '{end_mark}' that closes it", line_of=start)
+            raise WrongError(
+                error, start, f"'{mark}' has no '{end_mark}' that closes it", line_of=start
+            )
         if kind is ContentKind.DECLARATION and (self._open or not self._only_declarations):
             message = "a declaration stands behind something else"
-            raise Wrong(error, start, message, line_of=start)
+            raise WrongError(error, start, message, line_of=start)
         stop = end + len(end_mark)
         self._add(kind, normalized(text[begin:end]), start, stop)
         return stop
@@ -333,9 +337,9 @@ class _Parser:
         end = self._text.find("<", begin)
         if end < 0:
             message = "no element follows this text"
-            raise Wrong("XML_ERROR_PARSING_TEXT", start, message, line_of=start)
+            raise WrongError("XML_ERROR_PARSING_TEXT", start, message, line_of=start)
         if end + 1 == len(self._text):
-            raise Wrong(_PARSING, end, "nothing follows this '<'", line_of=start)
+            raise WrongError(_PARSING, end, "nothing follows this '<'", line_of=start)
         self._add(ContentKind.TEXT, decode(self._text[begin:end]), begin, end)
         return end
 
@@ -360,7 +364,7 @@ class _Parser:
         return index
 
 
-class Wrong(Exception):  # noqa: N818  (it carries a result; never leaves this package)
+class WrongError(Exception):
     """An error that the parser reports.
 
     ``name`` is its name of the error; ``line_of`` the offset whose line it reports, -1 for none;
@@ -392,7 +396,7 @@ def skip_space(text: str, at: int) -> int:
 
 
 def read_tag(text: str, start: int, max_attributes: int) -> Tag:
-    """The tag whose ``<`` is at ``start``; raises Wrong.
+    """The tag whose ``<`` is at ``start``; raises WrongError.
 
     Raises InputError for more attributes than ``max_attributes``.
     """
@@ -401,7 +405,7 @@ def read_tag(text: str, start: int, max_attributes: int) -> Tag:
     name = _NAME.match(text, at + closing)
     if name is None:
         message = "no name of an element follows this '<'"
-        raise Wrong("XML_ERROR_PARSING", start, message, line_of=start)
+        raise WrongError("XML_ERROR_PARSING", start, message, line_of=start)
     tag = Tag(name[0], start, closing, [])
     _attributes(text, name.end(), tag, max_attributes)
     return tag
@@ -418,7 +422,7 @@ def _attributes(text: str, at: int, tag: Tag, max_attributes: int) -> None:
         name, double, single = match.groups()
         if name in names:
             message = f"<{tag.name}> has the attribute '{name}' twice"
-            raise Wrong("XML_ERROR_PARSING_ATTRIBUTE", at, message, line_of=at)
+            raise WrongError("XML_ERROR_PARSING_ATTRIBUTE", at, message, line_of=at)
         if len(names) >= max_attributes:
             line = text.count("\n", 0, at) + 1
             raise InputError(
@@ -439,13 +443,13 @@ def _attributes(text: str, at: int, tag: Tag, max_attributes: int) -> None:
 
 
 def _no_end(text: str, at: int, tag: Tag) -> NoReturn:
-    """Raise Wrong: at ``at`` a tag neither ends nor has an attribute that is whole."""
+    """Raise WrongError: at ``at`` a tag neither ends nor has an attribute that is whole."""
     name = _NAME.match(text, at)
     if name is None:
         message = f"the tag <{tag.name}> does not end here"
         if at == len(text):
             message = f"the text ends inside the tag <{tag.name}>"
-        raise Wrong("XML_ERROR_PARSING_ELEMENT", at, message, line_of=tag.start)
+        raise WrongError("XML_ERROR_PARSING_ELEMENT", at, message, line_of=tag.start)
     sign = skip_space(text, name.end())
     quote = skip_space(text, sign + 1)
     what = f"the attribute '{name[0]}' of <{tag.name}>"
@@ -455,7 +459,7 @@ def _no_end(text: str, at: int, tag: Tag) -> NoReturn:
         message = f"the value of {what} is not in quotes"
     else:
         message = f"the quotes around the value of {what} are never closed"
-    raise Wrong("XML_ERROR_PARSING_ATTRIBUTE", at, message, line_of=at)
+    raise WrongError("XML_ERROR_PARSING_ATTRIBUTE", at, message, line_of=at)
 
 
 BOM = "\ufeff"

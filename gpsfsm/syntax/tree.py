@@ -143,7 +143,7 @@ class TreeBuilder(TokenReader):
         if kind is None:
             inside = self._unknown(tag, parent, path)
         else:
-            index = self._record(kind, tag, attributes, parent, ordinal, path)
+            index = self._record(kind, tag, attributes, parent, ordinal=ordinal, path=path)
             inside = _inside(kind, parent)
         if len(self._nesting.frames) == 1:
             self._last_child = index
@@ -161,12 +161,13 @@ class TreeBuilder(TokenReader):
         if kind is Kind.RUNNER and not result.broken:
             self._rules.namespaced(tag, path)
 
-    def _record(  # noqa: PLR0917  (the parts of an element)
+    def _record(
         self,
         kind: Kind,
         tag: StartTag,
         attributes: tuple[Attribute, ...],
         parent: Frame,
+        *,
         ordinal: int,
         path: str,
     ) -> int:

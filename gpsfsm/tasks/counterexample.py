@@ -244,7 +244,7 @@ DEFAULT_MOVES = 500_000
 """Moves after which the search is given up."""
 
 
-class TooMany(Exception):  # noqa: N818  (not an error: an answer of its own)
+class TooManyError(Exception):
     """The plan has too many runs for the search."""
 
 
@@ -258,7 +258,7 @@ def search(
     """Every way in which runs leave the task, the plainest run of each first.
 
     What only assumptions on several instances rule out may be among them (``Left.outcomes`` say
-    what the run decides). Raises TooMany after ``most`` moves.
+    what the run decides). Raises TooManyError after ``most`` moves.
     """
     plays = Plays(compiled, constraints)
     counter = moves = 0
@@ -281,7 +281,7 @@ def search(
         for event, number in plays.moves(position):
             moves += 1
             if moves > most:
-                raise TooMany
+                raise TooManyError
             after = monitor.after(state, event, number)
             if after is None:
                 continue

@@ -14,7 +14,7 @@ from gpsfsm.analysis.encode import conjunction
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import DEFAULT_RLIMIT
 from gpsfsm.analysis.rules import rule
-from gpsfsm.analysis.solver import Inconclusive, Solver
+from gpsfsm.analysis.solver import InconclusiveError, Solver
 from gpsfsm.analysis.words import listed, story
 from gpsfsm.compile import compile_plan
 from gpsfsm.equivalence.comparison import Echo, echo_of
@@ -23,8 +23,8 @@ from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.finding import Scenario, TraceStep
 from gpsfsm.model.story import Vocabulary, remark
-from gpsfsm.tasks.counterexample import DEFAULT_MOVES, TooMany, search
-from gpsfsm.tasks.ltlf import TooLarge, atoms_of
+from gpsfsm.tasks.counterexample import DEFAULT_MOVES, TooManyError, search
+from gpsfsm.tasks.ltlf import TooLargeError, atoms_of
 from gpsfsm.tasks.monitor import Matching, RuleMonitor
 from gpsfsm.tasks.proof import played, suspect
 from gpsfsm.tasks.steps import StepsMonitor
@@ -194,7 +194,7 @@ def _proved(kept: Sequence[_Deciding], effort: Effort) -> bool:
                 if each.searched and played(compiled, constraints, each.demand, scenario):
                     raise each.disagreement()
             return False
-    except (TooLarge, Inconclusive):
+    except (TooLargeError, InconclusiveError):
         return False
     for each in kept:
         each.proved = True
@@ -284,9 +284,9 @@ class _Deciding:
     def _search(self, moves: int) -> bool:
         try:
             self._take(search(self.compiled, self.constraints, self.demand, most=moves))
-        except (TooMany, Inconclusive):
+        except (TooManyError, InconclusiveError):
             return False
-        except TooLarge:
+        except TooLargeError:
             self._followed = False
             return False
         return True
@@ -302,7 +302,7 @@ class _Deciding:
                     rlimit=self._effort.rlimit,
                 )
             )
-        except (TooLarge, Inconclusive):
+        except (TooLargeError, InconclusiveError):
             return False
         return True
 
@@ -317,12 +317,12 @@ class _Deciding:
         try:
             if some_run_leaves(self.compiled, self.constraints, self.demand, rlimit=rlimit):
                 raise self.disagreement()
-        except (TooLarge, Inconclusive):
+        except (TooLargeError, InconclusiveError):
             return False
         return True
 
     def _take(self, runs: Iterator[Left]) -> None:
-        """The first run of each kind. Raises TooMany if most cannot be completed."""
+        """The first run of each kind. Raises TooManyError if most cannot be completed."""
         spurious = 0
         for left in runs:
             if len(self.departures) >= _MAX_DEPARTURES:
@@ -334,7 +334,7 @@ class _Deciding:
             if scenario is None:
                 spurious += 1
                 if spurious > _MAX_SPURIOUS:
-                    raise TooMany
+                    raise TooManyError
                 continue
             shown = _scenario(self._evaluator, left, scenario)
             self.departures[violation.key] = Departure(

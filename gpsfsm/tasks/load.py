@@ -37,7 +37,7 @@ from gpsfsm.capabilities.reading import (
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.errors import ConfigError
 from gpsfsm.model.tree import RESERVED
-from gpsfsm.tasks.ltlf import Mistake, atoms_of, parse_formula
+from gpsfsm.tasks.ltlf import MistakeError, atoms_of, parse_formula
 from gpsfsm.tasks.task import DEFAULT_TOLERANCE, Example, NodeForm, Pattern, Place, Rule, Step, Task
 
 if TYPE_CHECKING:
@@ -472,7 +472,7 @@ def rule_of(table: Table, notes: Notes, named: Callable[[str, Spot], Pattern]) -
         text = f"F completes -> ({text})"
     try:
         formula = parse_formula(text)
-    except Mistake as mistake:
+    except MistakeError as mistake:
         at = f", at character {mistake.position + 1}" if kind == "ltlf" and not completed else ""
         notes.error(place, f"the formula does not parse{at}: {mistake.message}", mistake.hint)
         return None

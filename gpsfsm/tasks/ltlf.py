@@ -26,7 +26,7 @@ _MOST = 2_000
 """Alternatives of a state, and states of a formula, beyond which it is not followed."""
 
 
-class TooLarge(Exception):  # noqa: N818  (not an error: an answer of its own)
+class TooLargeError(Exception):
     """The automaton of the formula is too large to be followed."""
 
 
@@ -143,7 +143,7 @@ Holds = Callable[[Atom], bool]
 
 
 class Tracker:
-    """Follows one formula. Raises TooLarge where its automaton is."""
+    """Follows one formula. Raises TooLargeError where its automaton is."""
 
     def __init__(self, formula: Formula) -> None:
         self._numbers: dict[Formula, int] = {}
@@ -158,7 +158,7 @@ class Tracker:
         reached = self._memo.get(key)
         if reached is None:
             if len(self._memo) >= _MOST:
-                raise TooLarge
+                raise TooLargeError
             reached = _FALSE
             for alternative in state:
                 reached = _or(reached, self._all_after(alternative, true))
@@ -217,14 +217,14 @@ def _or(one: State, other: State) -> State:
 
 def _and(one: State, other: State) -> State:
     if len(one) * len(other) > _MOST:
-        raise TooLarge
+        raise TooLargeError
     return _least(frozenset(left | right for left in one for right in other))
 
 
 def _least(alternatives: State) -> State:
     """Without the alternatives that ask for more than another one."""
     if len(alternatives) > _MOST:
-        raise TooLarge
+        raise TooLargeError
     kept: list[frozenset[int]] = []
     for alternative in sorted(alternatives, key=len):
         if not any(other <= alternative for other in kept):
@@ -263,7 +263,7 @@ _ALWAYS, _NEVER = Constant(True), Constant(False)
 _TEMPORAL = ("U", "R", "W", "M")
 
 
-class Mistake(Exception):  # noqa: N818  (it becomes a defect of the file)
+class MistakeError(Exception):
     """A formula that does not parse; ``position`` is the place in the text, from 0."""
 
     def __init__(self, position: int, message: str, hint: str = "") -> None:
@@ -272,13 +272,13 @@ class Mistake(Exception):  # noqa: N818  (it becomes a defect of the file)
 
 
 def parse_formula(text: str) -> Formula:
-    """The formula that a text stands for; raises Mistake.
+    """The formula that a text stands for; raises MistakeError.
 
     >>> parse_formula("F start(A)") == Until(_ALWAYS, Atom("start", "A"))
     True
     """
     if len(text) > _MAX_LENGTH:
-        raise Mistake(_MAX_LENGTH, f"the formula is longer than {_MAX_LENGTH} characters")
+        raise MistakeError(_MAX_LENGTH, f"the formula is longer than {_MAX_LENGTH} characters")
     parser = _Parser(_tokens(text), len(text))
     parsed = parser.equivalence(0)
     parser.finish()
@@ -292,10 +292,10 @@ def _tokens(text: str) -> list[tuple[str, int]]:
         match = _TOKEN.match(text, position)
         if match is None or match.lastgroup is None:
             start = position + len(text[position:]) - len(text[position:].lstrip())
-            raise Mistake(start, f"{quoted(text[start : start + 1])} is not allowed here")
+            raise MistakeError(start, f"{quoted(text[start : start + 1])} is not allowed here")
         tokens.append((match[match.lastgroup], match.start(match.lastgroup)))
         if len(tokens) > _MAX_TOKENS:
-            raise Mistake(position, f"the formula has more than {_MAX_TOKENS} words and signs")
+            raise MistakeError(position, f"the formula has more than {_MAX_TOKENS} words and signs")
         position = match.end()
     return tokens
 
@@ -441,6 +441,6 @@ class _Parser:
             raise self._mistake(f"the formula is nested more than {_MAX_DEPTH} levels deep")
         return depth + 1
 
-    def _mistake(self, message: str, hint: str = "") -> Mistake:
+    def _mistake(self, message: str, hint: str = "") -> MistakeError:
         there = self._next < len(self._tokens)
-        return Mistake(self._tokens[self._next][1] if there else self._length, message, hint)
+        return MistakeError(self._tokens[self._next][1] if there else self._length, message, hint)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.event import End, Event, Outcome
-from gpsfsm.tasks.ltlf import TooLarge
+from gpsfsm.tasks.ltlf import TooLargeError
 from gpsfsm.tasks.monitor import Violation
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Machine:
 def machine_of(
     branching: Branching, constraints: Constraints, *, most: int = _MAX_TABLE
 ) -> Machine:
-    """The machine of a demand. Raises TooLarge if it takes more than ``most`` transitions."""
+    """The machine of a demand. Raises TooLargeError if it takes more than ``most`` transitions."""
     return _Making(branching, constraints, most).machine()
 
 
@@ -127,7 +127,7 @@ class _Making:
         todo: list[MState | Violation] = [self.branching.start]
         for at, state in enumerate(todo):  # which grows
             if len(states) > _MAX_STATES or at * len(letters) > self.most:
-                raise TooLarge
+                raise TooLargeError
             if isinstance(state, Violation):
                 self._broken[at] = state.key
                 self._rows.append([frozenset({at})] * len(letters))

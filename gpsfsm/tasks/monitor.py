@@ -183,7 +183,7 @@ def end_words(end: End, terms: Terms) -> str:
 
 
 class RuleMonitor:
-    """Follows a rule. Raises TooLarge where its automaton is."""
+    """Follows a rule. Raises TooLargeError where its automaton is."""
 
     def __init__(self, rule: Rule, patterns: Sequence[Pattern], matching: Matching) -> None:
         self._rule = rule
@@ -214,8 +214,9 @@ class RuleMonitor:
             closing = f"{place(self._matching.runners[runner])} starts, which breaks the rule"
         return self.violation(closing, runner)
 
-    def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:  # noqa: ARG002
+    def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
         """The violation, if something of the rule is left."""
+        del hanging
         assert isinstance(state, frozenset)
         if self._tracker.fulfilled(self._tracker.after(state, _END_ATOMS[end])):
             return None
@@ -276,7 +277,8 @@ class _Opposite:
         for alternative in sorted(after, key=sorted):
             yield alternative or self._monitor.violation("this breaks the rule", runner)
 
-    def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:  # noqa: ARG002
+    def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
+        del hanging
         assert isinstance(state, frozenset)
         tracker = self._tracker
         if not tracker.fulfilled(tracker.after(frozenset({state}), _END_ATOMS[end])):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.encode import symbols_of
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.analysis.solver import add_text
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.tasks.counterexample import Plays, left_at_end, left_by
@@ -36,7 +36,7 @@ LOGIC = "QF_FD"
 def problem_text(
     compiled: Compiled, constraints: Constraints, demands: Sequence[Demand]
 ) -> tuple[Departures, str]:
-    """The problem of all demands, and its text in SMT-LIB. Raises TooLarge."""
+    """The problem of all demands, and its text in SMT-LIB. Raises TooLargeError."""
     departures = Departures(compiled.automaton, constraints, demands)
     text = "\n".join(f"(assert {assertion})" for assertion in departures.problem())
     declared = "".join(f"(declare-const {name} Bool)" for name in symbols_of(text))
@@ -48,11 +48,11 @@ def suspect(
 ) -> tuple[Outcome, ...] | None:
     """A scenario in which a demand may be left; None: z3 proves that no run leaves any of them.
 
-    Raises Inconclusive at the limit, and TooLarge where the problem has too many states.
+    Raises InconclusiveError at the limit, and TooLargeError where the problem has too many states.
     """
     departures, text = problem_text(compiled, constraints, demands)
     if _PER_CHARACTER * len(text) > rlimit:
-        raise Inconclusive
+        raise InconclusiveError
     require_memory(Z3_MB, module="z3")
     import z3
 
@@ -65,7 +65,7 @@ def suspect(
     if answer == z3.unsat:
         return None
     if answer == z3.unknown:
-        raise Inconclusive
+        raise InconclusiveError
     return _outcomes(z3, solver.model(), departures)
 
 

@@ -33,9 +33,8 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.encode import TRUE, Encoding, conjunction, disjunction, negation
 from gpsfsm.model.automaton import PAPER, NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
-from gpsfsm.tasks.following import Follower, States
-from gpsfsm.tasks.ltlf import TooLarge
-from gpsfsm.tasks.settled import Settled, waits
+from gpsfsm.tasks.following import Follower, Settled, States, waits
+from gpsfsm.tasks.ltlf import TooLargeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -55,13 +54,13 @@ _Courses = dict[Outcome, tuple[States, States]]
 
 
 class Departures:
-    """The problem of all demands together. Raises TooLarge where there are too many states."""
+    """The problem of all demands together. Raises TooLargeError where there are too many states."""
 
     def __init__(
         self, automaton: Automaton, constraints: Constraints, demands: Sequence[Demand]
     ) -> None:
         if automaton.traits != PAPER or automaton.stops:
-            raise TooLarge
+            raise TooLargeError
         self.automaton = automaton
         self.constraints = constraints
         self.encoding = Encoding(automaton, constraints)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.analysis.encode import conjunction, disjunction, negation, symbols_of
 from gpsfsm.analysis.options import DEFAULT_RLIMIT
-from gpsfsm.analysis.solver import Inconclusive, add_text
+from gpsfsm.analysis.solver import InconclusiveError, add_text
 from gpsfsm.errors import InternalError
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.tasks.counterexample import Plays, left_at_end, left_by
@@ -51,7 +51,7 @@ def leaving_runs(
 ) -> Iterator[Left]:
     """A plain run for every kind of violation but some, those with the fewest failures first.
 
-    Raises Inconclusive at a limit and TooLarge where the demand has too many states.
+    Raises InconclusiveError at a limit and TooLargeError where the demand has too many states.
     """
     machine = machine_of(demand.branching(), constraints)
     if not machine.size:
@@ -72,14 +72,14 @@ def some_run_leaves(
 ) -> bool:
     """True if some run leaves the task.
 
-    Raises Inconclusive where that would take long, at a limit, and TooLarge as ``leaving_runs``
-    does.
+    Raises InconclusiveError where that would take long, at a limit, and TooLargeError as
+    ``leaving_runs`` does.
     """
     machine = machine_of(demand.branching(), constraints, most=_SMALL_TABLE)
     if not machine.size:
         return False
     if machine.depth is None or _size(compiled.automaton, machine, machine.depth) > _SMALL:
-        raise Inconclusive
+        raise InconclusiveError
     query = _Query(Slots(compiled.automaton, constraints, machine, machine.depth), (), rlimit)
     return query.leaves()
 
@@ -111,11 +111,11 @@ def _complete(
             some = query.leaves()
             if changes == machine.depth or not query.goes_on():
                 return query if some else None
-        except Inconclusive:
+        except InconclusiveError:
             break
         candidate = query if some else candidate
     if candidate is None:
-        raise Inconclusive
+        raise InconclusiveError
     return candidate
 
 
@@ -164,7 +164,7 @@ class _Query:
     def leaves(self, *, failures: int | None = None) -> bool:
         """True if some run leaves the task in an open way, with so few failures.
 
-        Raises Inconclusive.
+        Raises InconclusiveError.
         """
         term = disjunction(self._open.values())
         if failures is not None:
@@ -186,7 +186,7 @@ class _Query:
         self._solver.push()
         self._tell([disjunction(self._open.values())])
         self._limit(min(self._rlimit, _PLAIN_RLIMIT))
-        with suppress(Inconclusive):
+        with suppress(InconclusiveError):
             self._settle()
         self._solver.pop()
         self._limit(self._rlimit)
@@ -306,7 +306,7 @@ class _Query:
         self._tell([f"(=> {name} {term})"])
         answer = self._solver.check(self._symbol(name))
         if answer == self._z3.unknown:
-            raise Inconclusive
+            raise InconclusiveError
         if answer == self._z3.unsat:
             return False
         self._model = self._solver.model()

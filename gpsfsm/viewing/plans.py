@@ -19,7 +19,7 @@ from gpsfsm.compile import Compiled, MachinePlan, TreePlan, compile_plan
 from gpsfsm.compile.plan_text import holds_trees, read_plan_or_machine
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.errors import DEBUG_VARIABLE, InputError, is_out_of_memory
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.labels import is_machine, parameters_label
 from gpsfsm.model.plan import Element, Kind, Plan
 from gpsfsm.model.printable import clip

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from uuid import UUID
 
 from gpsfsm.compile.plan_text import holds_trees
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import UsageError, installing
 from gpsfsm.watch.groot_tree import Statuses, text_of
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ class GrootStream:
         try:
             importlib.import_module("zmq")
         except ModuleNotFoundError:
-            raise UsageError("--groot needs pyzmq: pip install 'gpsfsm[groot]'") from None
+            raise UsageError(f"--groot needs pyzmq: {installing('groot')}") from None
         self._host, self._port = host, port
         self._shown: Shown | None = None
         self._over = threading.Event()

@@ -15,7 +15,7 @@ from collections import deque
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.errors import GpsfsmError, UsageError, installing
 from gpsfsm.execution.journal_errors import DamagedJournalError
 from gpsfsm.execution.journal_rows import canonical, line
 from gpsfsm.execution.records import Kind, Record, Status
@@ -236,7 +236,7 @@ def require_mcap() -> None:
     try:
         importlib.import_module("mcap.writer")
     except ModuleNotFoundError:
-        raise UsageError("--format mcap needs mcap: pip install 'gpsfsm[mcap]'") from None
+        raise UsageError(f"--format mcap needs mcap: {installing('mcap')}") from None
 
 
 def recording(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.execution.journal_rows import RowMaker
 from gpsfsm.execution.records import Kind, Record
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.labels import action
 from gpsfsm.model.plan import ControlType, Element
 from gpsfsm.model.printable import clip

@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from gpsfsm.workers.frames import Gone, pack, read, receive
+from gpsfsm.workers.frames import GoneError, pack, read, receive
 from gpsfsm.workers.parent_link import kill_below
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def child_command(target: str, *, own_modules: bool = True) -> list[str]:
 def _own_path() -> list[str]:
     """The folders of modules without the working folder, unless it is named or gpsfsm is there."""
     try:
-        here = os.getcwd()  # noqa: PTH109  (for comparison, and not for use)
+        here = str(Path.cwd())  # for comparison, and not for use
     except OSError:  # it was removed
         return [folder for folder in sys.path if folder]
     named = "" if sys.flags.ignore_environment else os.environ.get("PYTHONPATH", "")
@@ -127,7 +127,7 @@ class ChildProcess:
         return answer
 
     def ask(self, head: dict[str, Any], body: bytes = b"", *, within_s: float) -> Message:
-        """The answer to a message. After TimeoutError or Gone nothing more can be asked.
+        """The answer to a message. After TimeoutError or GoneError nothing more can be asked.
 
         Raises ValueError for a message that is too long.
         """
@@ -135,7 +135,7 @@ class ChildProcess:
         self.send(head, body)
         answer = self.next_answer(within_s)
         if answer is None:
-            raise Gone("has ended")
+            raise GoneError("has ended")
         return answer
 
     def _talk(self) -> None:
@@ -145,7 +145,7 @@ class ChildProcess:
             try:
                 self._process.stdin.write(message)
                 self._process.stdin.flush()
-                self.inbox.put((self, read(self._process.stdout)))  # type: ignore[arg-type]
+                self.inbox.put((self, read(self._process.stdout)))
             except (OSError, EOFError):
                 self.inbox.put((self, None))
             except (ValueError, MemoryError):  # nothing can be understood from here on
@@ -160,7 +160,7 @@ class ChildProcess:
         return None
 
     def kill(self) -> None:
-        """Let it end at once, whatever it does; from any thread. Who waits for it gets Gone."""
+        """Let it end at once, whatever it does; from any thread. Who waits gets GoneError."""
         self._over = True
         self._kill()
 
@@ -273,22 +273,22 @@ class AsyncChildProcess:
         await self._process.wait()
 
     async def send(self, head: dict[str, Any], body: bytes = b"") -> None:
-        """Send a message. Raises Gone, and ValueError if it is too long."""
+        """Send a message. Raises GoneError, and ValueError if it is too long."""
         assert self._process.stdin is not None
         message = pack(head, body)
         try:
             self._process.stdin.write(message)
             await self._process.stdin.drain()
         except (OSError, RuntimeError):
-            raise Gone(await self._how()) from None
+            raise GoneError(await self._how()) from None
 
     async def receive(self) -> Message:
-        """The next message. Raises Gone."""
+        """The next message. Raises GoneError."""
         assert self._process.stdout is not None
         try:
             return await receive(self._process.stdout)
         except (EOFError, OSError, ValueError):
-            raise Gone(await self._how()) from None
+            raise GoneError(await self._how()) from None
 
     async def _how(self) -> str:
         import asyncio

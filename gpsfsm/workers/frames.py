@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import struct
-from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
+from typing import IO, TYPE_CHECKING, Any, TypeAlias
 
 from gpsfsm.strict_json import strict_loads
 
@@ -25,7 +25,7 @@ Message: TypeAlias = tuple[dict[str, Any], bytes]
 _LENGTH = struct.Struct(">I")
 
 
-class Gone(Exception):  # noqa: N818  (no error: processes end)
+class GoneError(Exception):
     """The process at the other end has ended; the text says how."""
 
 
@@ -57,7 +57,7 @@ def message() -> Generator[int, bytes, Message]:
     return head, (yield _length((yield _LENGTH.size)))
 
 
-def read(stream: BinaryIO) -> Message:
+def read(stream: IO[bytes]) -> Message:
     """The next message of a file. Raises EOFError where it ends, ValueError for what is none."""
     parts = message()
     needed = next(parts)
@@ -92,7 +92,7 @@ def _length(content: bytes) -> int:
     return length
 
 
-def _exactly(stream: BinaryIO, length: int) -> bytes:
+def _exactly(stream: IO[bytes], length: int) -> bytes:
     """So many bytes of a stream. Raises EOFError where it ends before."""
     parts = []
     while length and (part := stream.read(length)):

@@ -81,7 +81,7 @@ class ParentLink:
         os.dup2(nothing, 0)
         os.dup2(2, 1)
         os.close(nothing)
-        sys.stdin, sys.stdout = open(0, closefd=False), sys.stderr  # noqa: SIM115
+        sys.stdin, sys.stdout = os.fdopen(0, closefd=False), sys.stderr
         self._ended = ended or _end
         self._over = False
         self._writing = threading.Lock()

@@ -13,6 +13,7 @@ import pickle
 import time
 from contextlib import suppress
 from functools import partial
+from types import GenericAlias
 from typing import TYPE_CHECKING, Any, Generic
 
 from gpsfsm.errors import AssumptionError, ConfigError, UsageError
@@ -58,7 +59,7 @@ class Worker(Generic[Item, Result]):
     ) -> None:
         self.chunk: Chunk[Item] | None = None
         self.alive = True
-        self._results = tuple[result_type(work), ...]  # type: ignore[misc]
+        self._results = GenericAlias(tuple, (result_type(work), ...))
         packed = pickle.dumps(work)
         self._timeout_s = timeout_s
         self._ready = False

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gpsfsm.execution.records import Status
-from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
+from gpsfsm.runners.prompting import PromptPlanRunner
+from gpsfsm.simulation.base import said_true, text_of
 
 if TYPE_CHECKING:
-    from gpsfsm.execution.queue import PlanService
-    from gpsfsm.runners.fabric.real import (
-        FabricCompletionRunner,
-        FabricGeneratePlanRunner,
-        FabricSetPlanRunner,
-    )
+    from collections.abc import Mapping
 
-__all__ = [
-    "FabricCompletionRunner",
-    "FabricGeneratePlanRunner",
-    "FabricSetPlanRunner",
-]
+    from gpsfsm.execution.queue import PlanService
+    from gpsfsm.execution.records import RunValue
 
 NO_QUEUE = "there is no plan queue that could take the plan"
 NO_PLAN = "no plan was handed over"
@@ -33,7 +26,54 @@ def check_queued(plans: PlanService, plan: int, context: RunContext) -> None:
     context.log(f"queued as plan {plan}")
 
 
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.real"), name)
+class FabricSetPlanRunner(Runner):
+    """Puts the plan that arrives into the queue. After a crash it may be there already."""
+
+    async def start(self, context: LoadContext) -> None:
+        """Find the queue."""
+        self._plans: PlanService | None = context.services.get("plans")
+        self._name = context.interface.rpartition("/")[2]
+
+    async def run(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
+        """Submit; raises RunnerError if the plan is refused."""
+        await _submit(self._plans, text_of(parameters.get("ReceivedPlan")), self._name, context)
+
+
+class FabricGeneratePlanRunner(PromptPlanRunner):
+    """Has the model write a plan and puts it into the queue."""
+
+    idempotent = False  # a plan must not be queued twice
+
+    async def start(self, context: LoadContext) -> None:
+        """Find model, buffers and queue."""
+        await super().start(context)
+        self._plans: PlanService | None = context.services.get("plans")
+        self._name = context.interface.rpartition("/")[2]
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """Fill the buffer, or ask and submit."""
+        answer = await self.answer(parameters, context)
+        if said_true(parameters.get("flush")):
+            await _submit(self._plans, answer, self._name, context)
+        return {}
+
+
+class FabricCompletionRunner(Runner):
+    """Reports the end of the plan; never fails."""
+
+    idempotent = True
+
+    async def run(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
+        """Write it into the log."""
+        plan = text_of(parameters.get("plan_id"))
+        context.log(f"the plan {plan} is complete" if plan else "the plan is complete")
+
+
+async def _submit(plans: PlanService | None, text: str, name: str, context: RunContext) -> None:
+    if plans is None:
+        raise RunnerError(NO_QUEUE)
+    if not text.strip():
+        raise RunnerError(NO_PLAN)
+    check_queued(plans, await plans.submitted(text, name), context)

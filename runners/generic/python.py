@@ -34,7 +34,7 @@ _NAMES = ("stdout", "stderr")
 _current = threading.local()
 _lock = threading.Lock()
 _replaced: dict[str, tuple[Any, _ByThread]] = {}
-_users = 0
+_users: list[int] = []
 
 
 class PythonRunner(Runner):
@@ -254,9 +254,8 @@ class _Bytes(io.RawIOBase):
 
 
 def _install() -> None:
-    global _users  # noqa: PLW0603  (the streams are global too)
     with _lock:
-        _users += 1
+        _users.append(threading.get_ident())
         for name in _NAMES:
             usual = getattr(sys, name)
             if usual is not None and not isinstance(usual, _ByThread):
@@ -267,9 +266,8 @@ def _install() -> None:
 
 def _uninstall() -> None:
     """Put back what was there, unless somebody else has put something there since."""
-    global _users  # noqa: PLW0603
     with _lock:
-        _users -= 1
+        _users.remove(threading.get_ident())
         if _users:
             return
         for name, (usual, stream) in _replaced.items():

@@ -131,7 +131,7 @@ def _descendants() -> dict[int, int]:
     """The processes below this one, each with its group. Empty where there is no /proc."""
     children: dict[int, list[tuple[int, int]]] = {}
     try:
-        names = os.listdir("/proc")  # noqa: PTH208  (pathlib is slow to import)
+        names = [entry.name for entry in os.scandir("/proc")]
     except OSError:
         return {}
     for name in names:

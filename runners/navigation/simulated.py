@@ -106,11 +106,10 @@ class RobotPoseRunner(Simulated):
     takes_s = (0.1, 1.0)
 
     def act(
-        self,
-        parameters: Mapping[str, RunValue],  # noqa: ARG002
-        context: RunContext,
+        self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
         """The pose; the robot stays on the floor."""
+        del parameters
         pose = self.world.pose(self.now(context))
         return {
             "x": round(pose.x, _DIGITS),
@@ -130,11 +129,10 @@ class OccupancyGridRunner(Simulated):
     takes_s = (0.1, 1.0)
 
     def act(
-        self,
-        parameters: Mapping[str, RunValue],  # noqa: ARG002
-        context: RunContext,
+        self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
         """The map as text; ``#`` is a cell with something in it."""
+        del parameters
         grid = self.world.grid
         area, edge = grid.map.area, grid.map.resolution
         mask = grid.blocked(self.world.present(self.now(context)), 0.0)

@@ -1,18 +1,19 @@
 """Runners that prompt a language model (docs/runners.md); without one they are refused.
 
-Here are the prompts: the request that each makes of a model, and the outputs that the answer gives.
-That does not act or know of a run, so that simulated and real runners say the same, and the fills
-of a run can be read again from its journal.
+A prompt is the request that is made of a model, and the outputs that the answer gives. That does
+not act or know of a run, so that simulated and real runners say the same, and the fills of a run
+can be read again from its journal. The runners here act for real: a flush asks the language model
+of the run.
 """
 
 from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from gpsfsm.execution.runner import Runner
+from gpsfsm.execution.prompts import PromptBuffers
+from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.simulation.base import said_true, text_of
 
 if TYPE_CHECKING:
@@ -21,30 +22,6 @@ if TYPE_CHECKING:
     from gpsfsm.execution.records import RunValue
     from gpsfsm.execution.runner import Logger
     from gpsfsm.generation.service import ModelService
-    from gpsfsm.runners.prompting.real import (
-        PromptCapabilityRunner,
-        PromptOccupancyRunner,
-        PromptPlanRunner,
-        PromptPoseRunner,
-        PromptSpeechRunner,
-        PromptTextRunner,
-    )
-
-__all__ = [
-    "PromptCapabilityRunner",
-    "PromptOccupancyRunner",
-    "PromptPlanRunner",
-    "PromptPoseRunner",
-    "PromptSpeechRunner",
-    "PromptTextRunner",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.real"), name)
-
 
 _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 MAX_CELLS = 1_600
@@ -143,8 +120,9 @@ class SpeechPrompt(Prompt):
         )
 
     @classmethod
-    def outputs(cls, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:  # noqa: ARG003
+    def outputs(cls, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:
         """The words."""
+        del buffered
         return {"text": answer}
 
 
@@ -168,8 +146,9 @@ class PlanPrompt(Prompt):
         return "\n".join(parts)
 
     @classmethod
-    def outputs(cls, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:  # noqa: ARG003
+    def outputs(cls, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:
         """The plan."""
+        del buffered
         return {"ReceivedPlan": answer}
 
 
@@ -217,3 +196,66 @@ def _row(rows: list[str], side: int) -> str:
         "#" if any("#" in row[begin : begin + side] for row in rows) else "."
         for begin in range(0, len(rows[0]), side)
     )
+
+
+class Prompting(Prompt):
+    """Fills a prompt buffer, or flushes it and hands the answer over (semantics, section 8.3).
+
+    The fill itself takes place when the success is journaled (``FillsWritten``). To ask changes
+    nothing, so after a crash it is done again.
+    """
+
+    asks_model = True
+    idempotent = True
+
+    async def start(self, context: LoadContext) -> None:
+        """Find model and buffers. Raises RunnerError without a model."""
+        from gpsfsm.generation.service import model_of  # loads what a simulation does not need
+
+        self._service = model_of(context)
+        self._buffers: PromptBuffers = context.services.get("prompts") or PromptBuffers()
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue] | None:
+        """Fill at once; with flush ask, however long that takes."""
+        return self.outputs(
+            await self.answer(parameters, context),
+            buffered=not said_true(parameters.get("flush")),
+        )
+
+    async def answer(self, parameters: Mapping[str, RunValue], context: RunContext) -> str:
+        """The answer, "" for a fill. Raises RunnerError."""
+        uuid = text_of(parameters.get("uuid"))
+        if not said_true(parameters.get("flush")):
+            try:
+                self._buffers.check(uuid, self.prompt(parameters))
+            except OverflowError as error:
+                raise RunnerError(str(error)) from None
+            return ""
+        kept = self._buffers.kept(uuid)
+        return await ask_model(type(self), self._service, kept, parameters, context.log)
+
+
+class PromptTextRunner(TextPrompt, Prompting):
+    """Tells the model a text."""
+
+
+class PromptPoseRunner(PosePrompt, Prompting):
+    """Tells the model where the robot is."""
+
+
+class PromptOccupancyRunner(OccupancyPrompt, Prompting):
+    """Tells the model the map."""
+
+
+class PromptCapabilityRunner(CapabilityPrompt, Prompting):
+    """Tells the model what the robot can do."""
+
+
+class PromptSpeechRunner(SpeechPrompt, Prompting):
+    """Asks the model for words to say."""
+
+
+class PromptPlanRunner(PlanPrompt, Prompting):
+    """Asks the model for a plan, again if it is rejected."""

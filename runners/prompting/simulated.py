@@ -64,12 +64,9 @@ class Prompting(prompting.Prompt, Simulated):
             return {**self.outputs(answer.text, buffered=False), **answer.outputs}
         return self.outputs(self.made_up(kept, text), buffered=False)
 
-    def answered(
-        self,
-        answer: Answered,
-        context: RunContext,  # noqa: ARG002
-    ) -> Mapping[str, RunValue]:
+    def answered(self, answer: Answered, context: RunContext) -> Mapping[str, RunValue]:
         """Hand over what a model has answered."""
+        del context
         if answer.ending is not None:
             return answer.ending.outputs
         return self.outputs(answer.text, buffered=False)
@@ -79,8 +76,9 @@ class Prompting(prompting.Prompt, Simulated):
         """The buffers of this run."""
         return self.world.prompts
 
-    def made_up(self, kept: Sequence[str], text: str) -> str:  # noqa: ARG002
+    def made_up(self, kept: Sequence[str], text: str) -> str:
         """An answer where the world file has none; raises RunnerError if there can be none."""
+        del kept, text
         return "I see."
 
 
@@ -111,6 +109,7 @@ class PromptSpeechRunner(prompting.SpeechPrompt, Prompting):
 class PromptPlanRunner(prompting.PlanPrompt, Prompting):
     """Asks the model for a plan; without one there is a plan only if the world file has it."""
 
-    def made_up(self, kept: Sequence[str], text: str) -> str:  # noqa: ARG002
+    def made_up(self, kept: Sequence[str], text: str) -> str:
         """Nothing: a plan cannot be made up."""
+        del kept, text
         raise RunnerError("the world file has no answer to this prompt")

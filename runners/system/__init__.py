@@ -25,11 +25,10 @@ class GetCapabilitySpecsRunner(Runner):
         self._specs = list(map(str, texts))
 
     async def run(
-        self,
-        parameters: Mapping[str, RunValue],  # noqa: ARG002
-        context: RunContext,  # noqa: ARG002
+        self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
         """One text for each capability."""
+        del parameters, context
         return {"CapabilitySpecs": list(self._specs)}
 
 

@@ -20,11 +20,10 @@ class GetCapabilitySpecsRunner(Simulated):
     takes_s = (0.01, 0.05)
 
     def act(
-        self,
-        parameters: Mapping[str, RunValue],  # noqa: ARG002
-        context: RunContext,  # noqa: ARG002
+        self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
         """One text for each capability."""
+        del parameters, context
         return {"CapabilitySpecs": list(self.world.specs)}
 
 

@@ -71,30 +71,30 @@ def decided_over(
 # ---- one comparison per answer -----------------------------------------------------------------
 
 
-def same_values(found: Decided, world: World) -> None:
-    paths, answer = world.system.paths, found.answers["data_flow"]
+def same_values(decided: Decided, world: World) -> None:
+    paths, answer = world.system.paths, decided.answers["data_flow"]
     assert {(paths[e.runner], e.name): str(e.how) for e in answer.missing} == missing(world)
     assert {(paths[e.runner], e.name): str(e.how) for e in answer.overwritten} == overwritten(world)
     assert {(paths[e.source], e.name, paths[e.runner]) for e in answer.lost} == lost(world)
 
 
-def same_prompts(found: Decided, world: World) -> None:
-    paths, answer = world.system.paths, found.answers["prompts"]
+def same_prompts(decided: Decided, world: World) -> None:
+    paths, answer = world.system.paths, decided.answers["prompts"]
     assert {paths[number] for number in answer.unflushed} == unflushed(world)
     assert {paths[number] for number in answer.empty_flush} == empty_flush(world)
     assert {(paths[e.runner], e.name) for e in answer.empty_answers} == empty_answer(world)
 
 
-def same_overlaps(found: Decided, world: World) -> None:
+def same_overlaps(decided: Decided, world: World) -> None:
     """The answer names one pair for each control and resource, the first in document order."""
     paths = world.system.paths
-    units = found.deciders.compiled.units
+    units = decided.deciders.compiled.units
     wanted = overlaps(world)
     named = set()
-    for entry in found.answers["overlaps"]:
+    for entry in decided.answers["overlaps"]:
         pair = paths[entry.first], paths[entry.second], entry.resource
         assert pair in wanted
-        named.add((_element(found, units, entry.block), *pair))
+        named.add((_element(decided, units, entry.block), *pair))
     for one, other, resource in wanted:
         order = world.system.index[one], world.system.index[other]
         assert any(
@@ -105,13 +105,13 @@ def same_overlaps(found: Decided, world: World) -> None:
         ), (one, other, resource)
 
 
-def _element(found: Decided, units: Any, unit: int) -> str:
-    plan = found.deciders.compiled.automaton.plan
+def _element(decided: Decided, units: Any, unit: int) -> str:
+    plan = decided.deciders.compiled.automaton.plan
     return str(plan.path(units.elements[unit]))
 
 
-def same_numbers(found: Decided, world: World) -> None:
-    facts = found.facts()
+def same_numbers(decided: Decided, world: World) -> None:
+    facts = decided.facts()
     if facts is None:
         assert not world.runs
         return
@@ -122,13 +122,13 @@ def same_numbers(found: Decided, world: World) -> None:
     assert (facts.loaded.peak, facts.loaded.all) == loaded(world)
 
 
-def same_declared_outcomes(found: Decided, world: World, whole: oracle.P, **options: Any) -> None:
+def same_declared_outcomes(decided: Decided, world: World, whole: oracle.P, **options: Any) -> None:
     """The facts of section 5 under declared outcomes."""
     wanted = oracle.facts(whole, faults=world.faults, constraint=world.allows, **options)
-    assert found.contradictory == (wanted is None)
-    if wanted and any(one.known and one.known.duration for one in world.instances):
+    assert decided.contradictory == (wanted is None)
+    if wanted and any(one.described and one.described.duration for one in world.instances):
         del wanted["orphans"]  # they depend on the durations
-    facts = facts_as_dict(found.facts())
+    facts = facts_as_dict(decided.facts())
     assert facts is None or {name: facts[name] for name in wanted or {}} == wanted
 
 
@@ -244,10 +244,10 @@ def test_traps(solver: SolverChoice, name: str) -> None:
     whole, library = with_own_providers(*TRAPS[name])
     for models in [FREE] if solver == "structural" else [FREE, NO_START, HANG]:
         world = World(whole, library, faults=models)
-        found = decided_over(whole, library, faults=models, solver=solver)
-        same_declared_outcomes(found, world, whole)
+        answers = decided_over(whole, library, faults=models, solver=solver)
+        same_declared_outcomes(answers, world, whole)
         for compare in (same_values, same_prompts, same_overlaps, same_numbers):
-            compare(found, world)
+            compare(answers, world)
 
 
 # ---- the comparisons ---------------------------------------------------------------------------
@@ -273,10 +273,10 @@ def test_fault_models_and_declared_outcomes(
     library = data.draw(libraries(**kinds, outcomes=data.draw(st.booleans())))
     whole = data.draw(plans_over(library, max_runners=4))
     world = World(whole, library, faults=models, consistent=consistent)
-    found = decided_over(whole, library, faults=models, consistent=consistent)
-    assert found.contradictory == (not world.runs)
+    answers = decided_over(whole, library, faults=models, consistent=consistent)
+    assert answers.contradictory == (not world.runs)
     if world.runs:
-        compare(found, world)
+        compare(answers, world)
 
 
 @each_question
@@ -288,10 +288,10 @@ def test_assumptions(question: str, data: st.DataObject, models: frozenset[str])
     assume(oracle.runner_paths(whole))
     constraint = data.draw(constraints(whole, faults=models))
     world = World(whole, library, faults=models, constraint=constraint)
-    found = decided_over(whole, library, faults=models, assumptions=(str(constraint),))
-    assert found.contradictory == (not world.runs)
+    answers = decided_over(whole, library, faults=models, assumptions=(str(constraint),))
+    assert answers.contradictory == (not world.runs)
     if world.runs:
-        compare(found, world)
+        compare(answers, world)
 
 
 @all_solvers
@@ -302,9 +302,9 @@ def test_races(
     whole, library = race
     models = FREE if solver == "structural" else data.draw(faults())
     world = World(whole, library, faults=models)
-    found = decided_over(whole, library, faults=models, solver=solver)
-    same_overlaps(found, world)
-    same_numbers(found, world)
+    answers = decided_over(whole, library, faults=models, solver=solver)
+    same_overlaps(answers, world)
+    same_numbers(answers, world)
 
 
 @all_solvers
@@ -316,12 +316,12 @@ def test_the_facts_of_section_5_under_declared_outcomes(
     if solver == "structural":
         models, consistent = FREE, False
         library = tuple(  # more is not for the structural pass
-            replace(known, may_hang=False, never_succeeds=False) for known in library
+            replace(described, may_hang=False, never_succeeds=False) for described in library
         )
     whole = data.draw(plans_over(library, max_runners=5))
     world = World(whole, library, faults=models, consistent=consistent)
-    found = decided_over(whole, library, faults=models, consistent=consistent, solver=solver)
-    same_declared_outcomes(found, world, whole, consistent=consistent)
+    answers = decided_over(whole, library, faults=models, consistent=consistent, solver=solver)
+    same_declared_outcomes(answers, world, whole, consistent=consistent)
 
 
 @settings(max_examples=many(40))

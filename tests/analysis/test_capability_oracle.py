@@ -103,8 +103,8 @@ def test_where_an_input_may_come_from() -> None:
         entry = Input("text", True, None, sources, fallback)
         return Described("Need", parameters=(Parameter("spare", default=default),), inputs=(entry,))
 
-    def of_need(known: Described, *children: str) -> bool:
-        return bool(missing(World(plan(*children), (GIVES, MAYBE, known))))
+    def of_need(described: Described, *children: str) -> bool:
+        return bool(missing(World(plan(*children), (GIVES, MAYBE, described))))
 
     assert not of_need(needs(EXTERNAL), "Need text=x")
     assert not of_need(needs(CONFIGURATION), "Need text=x")
@@ -174,8 +174,8 @@ def test_lost_needs_a_run_that_shows_both() -> None:
 
 
 def test_declared_outcomes() -> None:
-    def ends(known: Described, whole: P, **options: Any) -> set[str]:
-        return {run.ends for run in World(whole, [known], **options).runs}
+    def ends(described: Described, whole: P, **options: Any) -> set[str]:
+        return {run.ends for run in World(whole, [described], **options).runs}
 
     whole = plan("A")
     assert ends(Described("A", never_fails=True), whole) == {"COMPLETED"}
@@ -191,13 +191,13 @@ def test_declared_outcomes() -> None:
 
 def test_unless() -> None:
     def may_fail(*words: str, default: bool | int | None = None) -> bool:
-        known = Described(
+        described = Described(
             "A",
             parameters=(Parameter("x", default=default),),
             never_fails=True,
             unless=(("x", 1),),
         )
-        return any(run.gave_up for run in World(plan(" ".join(["A", *words])), [known]).runs)
+        return any(run.gave_up for run in World(plan(" ".join(["A", *words])), [described]).runs)
 
     assert not may_fail()
     assert may_fail("x=1")
@@ -216,8 +216,8 @@ def test_the_world_plays_what_the_oracle_plays(
     library = data.draw(libraries(outcomes=True))
     whole = data.draw(plans_over(library, max_runners=4))
     world = World(whole, library, faults=models, consistent=consistent)
-    found = facts(whole, faults=world.faults, consistent=consistent, constraint=world.allows)
-    assert (found is None) == (not world.runs)
-    if found is not None:
+    answer = facts(whole, faults=world.faults, consistent=consistent, constraint=world.allows)
+    assert (answer is None) == (not world.runs)
+    if answer is not None:
         unreachable = set(runner_paths(whole)) - {one.path for one in world.reachable}
-        assert set(found["unreachable"]) == unreachable
+        assert set(answer["unreachable"]) == unreachable

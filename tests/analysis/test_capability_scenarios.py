@@ -66,10 +66,10 @@ def findings(
     return check_text(to_xml(whole), "plan.xml", options).findings
 
 
-def sound(found: tuple[Finding, ...]) -> None:
+def sound(actual: tuple[Finding, ...]) -> None:
     """No defect of the product, and no scenario that the rules should not have."""
-    assert [finding.message for finding in found if finding.rule == "GP903"] == []
-    for finding in found:
+    assert [finding.message for finding in actual if finding.rule == "GP903"] == []
+    for finding in actual:
         if finding.rule == "GP501":
             assert finding.scenario is not None
             first, second = (place.location.element for place in finding.related)
@@ -84,9 +84,9 @@ def sound(found: tuple[Finding, ...]) -> None:
 def test_free_outcomes(question: str, data: st.DataObject) -> None:
     library = data.draw(libraries(**QUESTIONS[question], outcomes=False))
     whole, library = with_own_providers(data.draw(plans_over(library)), library)
-    found = findings(whole, library)
-    sound(found)
-    assert findings(whole, library, solver="z3") == found
+    reported = findings(whole, library)
+    sound(reported)
+    assert findings(whole, library, solver="z3") == reported
 
 
 @each_question
@@ -105,6 +105,6 @@ def test_races(race: tuple[oracle.P, tuple[Described, ...]]) -> None:
     whole, library = race
     world = World(whole, library)
     assert world.instances
-    found = findings(whole, library)
-    sound(found)
-    assert findings(whole, library, solver="z3") == found
+    reported = findings(whole, library)
+    sound(reported)
+    assert findings(whole, library, solver="z3") == reported

@@ -83,14 +83,14 @@ def test_overlaps_not_later_than_the_end() -> None:
     # The plan of 5.5 completes when it begins: only the first step of each branch is in time.
     instant = par_any(seq(), seq("Go", "Go", "Go"), seq("Go"))
     assert free(instant) == pair(first, f"{C1}/Control[3]/Runner[1]")
-    assert (first, second) not in {found[:2] for found in free(instant)}
+    assert (first, second) not in {each[:2] for each in free(instant)}
     # At the instant of the end counts: Mute completes and triggers Go.
     go, other = f"{C1}/Control[1]/Control[1]/Control[2]/Runner[1]", f"{C1}/Control[2]/Runner[1]"
     ends = seq("Mute", par_any(seq(), seq("Go")))
     assert free(par_any(ends, seq("Go", "Mute"))) == pair(go, other)
     # After it does not.
     assert free(par_any(seq("Mute", par_any(seq(), seq("Say", "Go"))), "Go")) == set()
-    assert third not in {path for found in free(instant) for path in found}
+    assert third not in {path for each in free(instant) for path in each}
 
 
 def test_two_outcomes_at_the_instant_of_the_end() -> None:
@@ -221,12 +221,12 @@ def test_what_does_not_start_heeds_no_least_duration() -> None:
     library = [Described("One", duration=(1, 1)), Described("Two", duration=(2, 2))]
     two, one = f"{C1}/Runner[1]", f"{C1}/Runner[2]"
     whole = plan(par_all("Two", "One"), rec(seq()))
-    for models, outcome, found in (
+    for models, outcome, expected in (
         (NO_START, "does not start", set()),  # One is never triggered
         (frozenset(), "fails", set()),
     ):
         says = Both(Says(two, outcome), Says(one, "succeeds"))
-        assert orphans(World(whole, library, faults=models, constraint=says)) == found
+        assert orphans(World(whole, library, faults=models, constraint=says)) == expected
     last = plan(par_all("One", "Two"), rec(seq()))
     absent = Both(Says(two, "succeeds"), Says(one, "does not start"))
     assert orphans(World(last, library, faults=NO_START, constraint=absent)) == {two}
@@ -327,7 +327,7 @@ def test_no_choice_of_durations_leaves_the_bounds(
 ) -> None:
     library = data.draw(libraries(clocks=True))
     world = World(data.draw(plans_over(library, max_runners=4)), library, faults=models)
-    found = makespan(world)
+    longest = makespan(world)
     shares = {path: data.draw(st.integers(0, 10)) for path in world.system.paths}
 
     def takes(one: Instance, run: Run) -> float:
@@ -335,11 +335,11 @@ def test_no_choice_of_durations_leaves_the_bounds(
         top = low + 9 if isinf(high) else high
         return low + (top - low) * shares[one.path] / 10
 
-    for run in world.runs if found else ():
+    for run in world.runs if longest else ():
         if run.stuck:
             continue
-        assert found is not None
-        least, greatest = found
+        assert longest is not None
+        least, greatest = longest
         end = end_of(world, run, takes)
         assert least <= end
         assert greatest is None or end <= greatest + 1e-9

@@ -41,12 +41,12 @@ def test_what_is_sure_happens_and_what_happens_is_possible(
     evaluator = Evaluator(automaton)
     choice = st.sampled_from([Outcome.SUCCEEDED, Outcome.FAILED])
     outcomes = [data.draw(choice) for _ in automaton.runners]
-    known = {
+    fixed = {
         number: outcomes[number] for number in range(len(outcomes)) if data.draw(st.booleans())
     }
     run = evaluator.run(outcomes.__getitem__)
-    assert set(evaluator.surely(known).triggered) <= set(run.triggered)
-    assert set(run.triggered) <= set(evaluator.possibly(known).triggered)
+    assert set(evaluator.surely(fixed).triggered) <= set(run.triggered)
+    assert set(run.triggered) <= set(evaluator.possibly(fixed).triggered)
 
 
 @given(whole=plans())

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 both_solvers = pytest.mark.parametrize("solver", ["structural", "z3"])
 
 
-def same(found: Decided, whole: oracle.P, wanted: dict[str, Any] | None) -> None:
+def same(decision: Decided, whole: oracle.P, wanted: dict[str, Any] | None) -> None:
     """All facts but the greatest load, which takes all orders, not all scenarios.
 
     That one is compared in test_capability_facts, on smaller plans.
     """
-    facts = facts_as_dict(found.facts())
+    facts = facts_as_dict(decision.facts())
     if facts is None or wanted is None:
         assert facts is wanted is None
         return
@@ -64,8 +64,8 @@ def test_facts_of_a_consistent_world_of_few_actions(whole: oracle.P) -> None:
 def test_facts_under_fault_models(
     whole: oracle.P, models: frozenset[str], consistent: bool
 ) -> None:
-    found = decided(whole, faults=models, consistent=consistent)
-    same(found, whole, oracle.facts(whole, faults=models, consistent=consistent))
+    decision = decided(whole, faults=models, consistent=consistent)
+    same(decision, whole, oracle.facts(whole, faults=models, consistent=consistent))
 
 
 @given(data=st.data(), whole=plans(min_runners=1, max_runners=6), models=faults())
@@ -74,9 +74,9 @@ def test_facts_under_assumptions(
 ) -> None:
     assume(oracle.runner_paths(whole))
     constraint = data.draw(constraints(whole, faults=models))
-    found = decided(whole, faults=models, assumptions=[str(constraint)])
-    same(found, whole, oracle.facts(whole, faults=models, constraint=constraint))
-    assert found.contradictory == (found.facts() is None)
+    decision = decided(whole, faults=models, assumptions=[str(constraint)])
+    same(decision, whole, oracle.facts(whole, faults=models, constraint=constraint))
+    assert decision.contradictory == (decision.facts() is None)
 
 
 @settings(max_examples=many(60))
@@ -107,11 +107,13 @@ def test_what_never_succeeds_need_not_fail_before_the_give_up(
     solver: SolverChoice, whole: oracle.P, hopeless: set[int]
 ) -> None:
     paths = [path for number, path in enumerate(oracle.runner_paths(whole)) if number in hopeless]
-    found = decided(whole, assumptions=[f"{path} never succeeds" for path in paths], solver=solver)
+    decision = decided(
+        whole, assumptions=[f"{path} never succeeds" for path in paths], solver=solver
+    )
     wanted = oracle.facts(
         whole, constraint=lambda scenario: all(scenario[path] == "FAILED" for path in paths)
     )
-    same(found, whole, wanted)
+    same(decision, whole, wanted)
 
 
 @given(whole=plans())
@@ -125,8 +127,8 @@ def test_theorem_no_plan_is_stuck_by_default(whole: oracle.P) -> None:
 def test_theorem_the_two_endings_exclude_each_other(
     whole: oracle.P, models: frozenset[str]
 ) -> None:
-    found = decided(whole, faults=models, solver="z3")
-    automaton, encoding = found.deciders.compiled.automaton, found.deciders.solver.encoding
+    decision = decided(whole, faults=models, solver="z3")
+    automaton, encoding = decision.deciders.compiled.automaton, decision.deciders.solver.encoding
     complete = encoding.triggered(automaton.complete)
     give_up = encoding.triggered(automaton.give_up)
-    assert found.deciders.solver.decide([f"(and {complete} {give_up})"]) == [False]
+    assert decision.deciders.solver.decide([f"(and {complete} {give_up})"]) == [False]

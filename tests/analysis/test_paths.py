@@ -42,16 +42,16 @@ def by_brute_force(whole: oracle.P, sure: Sequence[str] = ()) -> set[tuple[str, 
         consistent=False,
         constraint=lambda scenario: all(scenario[path] == SUCCEEDED for path in sure),
     )
-    found = set()
+    pairs = set()
     for run in runs:
         triggered = [path for path in system.paths if run.triggers(path)]
         scenario = run.scenario
-        found |= {
+        pairs |= {
             (path, scenario[path], other)
             for number, path in enumerate(triggered)
             for other in triggered[number + 1 :]
         }
-    return found
+    return pairs
 
 
 def test_every_unit_of_a_parallel_any_fails_before_its_recovery() -> None:
@@ -60,7 +60,7 @@ def test_every_unit_of_a_parallel_any_fails_before_its_recovery() -> None:
     whole = oracle.plan(oracle.par_any("A", "B"), oracle.rec("Help"))
     assert {(a, FAILED, help_), (b, FAILED, help_)} <= together(whole)
     assert together(whole) == by_brute_force(whole)
-    assert not {found for found in together(whole, sure=[b]) if found[2] == help_}
+    assert not {each for each in together(whole, sure=[b]) if each[2] == help_}
 
 
 @given(plans(max_runners=8), st.data())

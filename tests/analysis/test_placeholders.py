@@ -96,18 +96,18 @@ def test_what_is_none(text: str) -> None:
 
 
 def test_at_most_twenty_names() -> None:
-    found = placeholder(" ".join(f"${{n{number}}}" for number in range(100)))
-    assert found is not None
-    assert found.names == tuple(f"n{number}" for number in range(20))
+    reference = placeholder(" ".join(f"${{n{number}}}" for number in range(100)))
+    assert reference is not None
+    assert reference.names == tuple(f"n{number}" for number in range(20))
 
 
 @given(st.text(alphabet='$&<>{}ax_.:/[]-^\\ 1"', max_size=30))
 def test_what_is_found_stands_in_the_text(text: str) -> None:
-    found = placeholder(text)
-    if found is None:
+    reference = placeholder(text)
+    if reference is None:
         return
-    assert found.text in text
-    assert found.text[0] in "$&<{"
-    assert found.whole == (found.text == text.strip())
-    assert found.certain or not found.whole
-    assert all(name in text for name in found.names)
+    assert reference.text in text
+    assert reference.text[0] in "$&<{"
+    assert reference.whole == (reference.text == text.strip())
+    assert reference.certain or not reference.whole
+    assert all(name in text for name in reference.names)

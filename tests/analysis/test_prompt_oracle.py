@@ -153,7 +153,7 @@ def test_the_words_of_8_3_that_need_no_instants(
     library = data.draw(libraries(prompts=True))
     whole = data.draw(plans_over(library, max_runners=4))
     world = World(whole, library, faults=models)
-    behind_unknown = len(prompting(world)) != sum(one.known for one in prompting(world))
+    behind_unknown = len(prompting(world)) != sum(one.fixed for one in prompting(world))
     if behind_unknown:
         return
     unsent, empty = set(), set()

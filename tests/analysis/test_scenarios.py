@@ -30,24 +30,24 @@ if TYPE_CHECKING:
 Predicate = Callable[[oracle.Run], bool]
 
 
-def claims_of(found: Decided) -> Iterator[tuple[Claim, Predicate]]:
+def claims_of(decision: Decided) -> Iterator[tuple[Claim, Predicate]]:
     """Every claim that the verdicts allow, and the same for the oracle."""
-    automaton = found.deciders.compiled.automaton
+    automaton = decision.deciders.compiled.automaton
     plan = automaton.plan
-    facts = found.facts()
+    facts = decision.facts()
     assert facts is not None
     if facts.gives_up != "never":
         yield give_up_claim(), lambda run: run.gave_up
     if facts.stuck != "never":
         yield stuck_claim(), lambda run: run.stuck
-    for event in found.answers["dangling"]:
+    for event in decision.answers["dangling"]:
         if event.effect == "give_up":
             path = plan.path(plan.runners[event.runner])
             yield dangling_claim(automaton, event), _decisive(path)
-    for deadlock in found.answers["joins"]:
+    for deadlock in decision.answers["joins"]:
         path = plan.path(automaton.blocks[deadlock.block].element)
         yield deadlock_claim(automaton, deadlock), _waiting(path, deadlock.effect)
-    for number in found.answers["orphans"]:
+    for number in decision.answers["orphans"]:
         yield orphan_claim(None, number), _orphan(plan.path(plan.runners[number]))
 
 
@@ -72,10 +72,10 @@ def _orphan(path: str) -> Predicate:
     return lambda run: path in run.orphans(frozenset({path}))
 
 
-def check_canonical(whole: oracle.P, found: Decided, **options: object) -> None:
-    context = Context(found)
+def check_canonical(whole: oracle.P, decision: Decided, **options: object) -> None:
+    context = Context(decision)
     paths = oracle.runner_paths(whole)
-    for claim, predicate in claims_of(found):
+    for claim, predicate in claims_of(decision):
         outcome_of = context._canonical(claim)
         wanted = oracle.canonical_scenario(whole, predicate, **options)  # type: ignore[arg-type]
         assert wanted is not None
@@ -90,8 +90,8 @@ def test_the_structural_pass_finds_the_canonical_scenario(whole: oracle.P) -> No
 @settings(max_examples=many(50))
 @given(whole=plans(max_runners=8))
 def test_z3_finds_the_canonical_scenario(whole: oracle.P) -> None:
-    found = decided(whole, solver="z3")
-    check_canonical(whole, found)
+    decision = decided(whole, solver="z3")
+    check_canonical(whole, decision)
 
 
 @settings(max_examples=many(50))
@@ -99,12 +99,12 @@ def test_z3_finds_the_canonical_scenario(whole: oracle.P) -> None:
 def test_z3_finds_the_canonical_scenario_under_faults(
     whole: oracle.P, models: frozenset[str], consistent: bool
 ) -> None:
-    found = decided(whole, faults=models, consistent=consistent)
-    check_canonical(whole, found, faults=models, consistent=consistent)
+    decision = decided(whole, faults=models, consistent=consistent)
+    check_canonical(whole, decision, faults=models, consistent=consistent)
 
 
-def findings_of(found: Decided) -> list[Finding]:
-    context = Context(found)
+def findings_of(decision: Decided) -> list[Finding]:
+    context = Context(decision)
     return [
         finding for rule in all_rules() if rule.find is not None for finding in rule.find(context)
     ]
@@ -116,8 +116,8 @@ def test_scenarios_hold_however_open_outcomes_are_filled(
 ) -> None:
     assumed = oracle.runner_paths(whole) and data.draw(st.booleans())
     assumptions = [str(data.draw(constraints(whole, faults=models)))] if assumed else []
-    found = decided(whole, faults=models, assumptions=assumptions)
-    for finding in [] if found.contradictory else findings_of(found):
+    decision = decided(whole, faults=models, assumptions=assumptions)
+    for finding in [] if decision.contradictory else findings_of(decision):
         scenario = finding.scenario
         if scenario is not None:
             ending = {"COMPLETED": "completed", "GAVE_UP": "gave_up", "STUCK": "stuck"}
@@ -131,27 +131,27 @@ def test_scenarios_hold_however_open_outcomes_are_filled(
 
 def triggered_by(automaton: Automaton, delivered: set[Signal]) -> set[int]:
     """The nodes that these events trigger, joins being instantaneous."""
-    found: set[int] = set()
+    triggered: set[int] = set()
     while True:
         for node in automaton.nodes:
             came = sum(
                 signal in delivered
-                or (automaton.nodes[signal.node].kind is NodeKind.JOIN and signal.node in found)
+                or (automaton.nodes[signal.node].kind is NodeKind.JOIN and signal.node in triggered)
                 for signal in automaton.inputs[node.index]
             )
-            if node.index not in found and came >= (node.need or 1):
-                found.add(node.index)
+            if node.index not in triggered and came >= (node.need or 1):
+                triggered.add(node.index)
                 break
         else:
-            return found
+            return triggered
 
 
 @given(whole=plans(max_runners=10))
 def test_traces_hold_the_cause_of_each_event_before_it(whole: oracle.P) -> None:
-    found = decided(whole)
-    automaton = found.deciders.compiled.automaton
+    decision = decided(whole)
+    automaton = decision.deciders.compiled.automaton
     nodes = {automaton.plan.path(node.origin): node.index for node in automaton.runners}
-    for finding in findings_of(found):
+    for finding in findings_of(decision):
         if finding.scenario is None:
             continue
         delivered = {Signal(0, Event.SUCCEEDED)}

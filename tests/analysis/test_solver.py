@@ -11,7 +11,7 @@ import pytest
 from corpus.generate import chain, fanout
 from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.analysis.encode import conjunction, disjunction, negation, symbols_of
-from gpsfsm.analysis.solver import Inconclusive, Solver
+from gpsfsm.analysis.solver import InconclusiveError, Solver
 from gpsfsm.compile import compile_plan
 from tests.support import decided, plan_of
 
@@ -34,7 +34,9 @@ def test_known_answers_of_fanout(variant: str, size: int, solver: str) -> None:
     assert facts is not None
     gives_up, effect = VARIANTS[variant]
     assert facts.gives_up == gives_up  # the first and the last runner are unguarded
-    assert [found.effect for found in facts.join_deadlocks] == ([effect] if effect else [])
+    assert [join_deadlock.effect for join_deadlock in facts.join_deadlocks] == (
+        [effect] if effect else []
+    )
     assert facts.unreachable == ()
 
 
@@ -68,7 +70,7 @@ def test_a_limit_is_unknown_and_never_no() -> None:
     solver = solver_of(chain(30), rlimit=1)
     term = solver.encoding.triggered(solver.automaton.give_up)
     assert solver.ask([term]) == [None]
-    with pytest.raises(Inconclusive):
+    with pytest.raises(InconclusiveError):
         solver.decide([term])
 
 

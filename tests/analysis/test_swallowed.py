@@ -71,12 +71,12 @@ def brute_force(world: World, whole: oracle.P) -> set[str]:
 
 
 def missed(world: World, whole: oracle.P, run: Run) -> frozenset[str]:
-    achieving = {one.path for one in world.instances if one.known and one.known.achieves}
+    achieving = {one.path for one in world.instances if one.described and one.described.achieves}
     return missed_goals(whole, achieving, run)
 
 
-def same(found: Decided, world: World, whole: oracle.P) -> None:
-    facts = found.facts()
+def same(decided: Decided, world: World, whole: oracle.P) -> None:
+    facts = decided.facts()
     if facts is None:
         assert not world.runs
         return
@@ -125,8 +125,8 @@ def test_assumptions(data: st.DataObject, models: frozenset[str]) -> None:
     assume(oracle.runner_paths(whole))
     constraint = data.draw(constraints(whole, faults=models))
     world = World(whole, library, faults=models, constraint=constraint)
-    found = decided_over(whole, library, faults=models, assumptions=(str(constraint),))
-    same(found, world, whole)
+    answers = decided_over(whole, library, faults=models, assumptions=(str(constraint),))
+    same(answers, world, whole)
 
 
 @settings(max_examples=many(80))
@@ -141,12 +141,12 @@ def test_scenarios_are_the_canonical_ones(
         library = data.draw(libraries(goals=True))
         whole = data.draw(plans_over(library, max_runners=7 if not models else 5))
     world = World(whole, library, faults=models)
-    found = decided_over(whole, library, faults=models)
-    facts = found.facts()
+    answers = decided_over(whole, library, faults=models)
+    facts = answers.facts()
     assert facts is not None
-    context = Context(found)
-    for goal, path in zip(found.answers["swallowed"], facts.swallowed, strict=True):
-        claim = swallowed_claim(found.deciders.compiled, goal)
+    context = Context(answers)
+    for goal, path in zip(answers.answers["swallowed"], facts.swallowed, strict=True):
+        claim = swallowed_claim(answers.deciders.compiled, goal)
         outcome_of = context._canonical(claim)
         assert outcome_of is not None
         wanted = oracle.canonical_scenario(

@@ -49,24 +49,24 @@ def _span(bounds: Any) -> Span | None:
     return None if bounds is None else Span(*bounds)
 
 
-def _binding(known: Described) -> Binding:
+def _binding(described: Described) -> Binding:
     provider = Provider(
-        known.provider,
-        known.interface,
+        described.provider,
+        described.interface,
         outcomes=Outcomes(
-            never_fails=known.never_fails,
-            never_succeeds=known.never_succeeds,
-            may_hang=known.may_hang,
+            never_fails=described.never_fails,
+            never_succeeds=described.never_succeeds,
+            may_hang=described.may_hang,
         ),
-        duration=_span(known.duration),
-        energy=_span(known.energy),
+        duration=_span(described.duration),
+        energy=_span(described.energy),
     )
-    return Binding(Interface(known.interface), provider, {})
+    return Binding(Interface(described.interface), provider, {})
 
 
 def bindings_of(whole: Plan, library: Iterable[Described]) -> tuple[Binding | None, ...]:
-    known = {(one.interface, one.provider): _binding(one) for one in library}
-    return tuple(known.get((runner.interface, runner.provider)) for runner in whole.runners)
+    described = {(one.interface, one.provider): _binding(one) for one in library}
+    return tuple(described.get((runner.interface, runner.provider)) for runner in whole.runners)
 
 
 def takes(name: str, *bounds: float | None, sure: bool = False) -> Described:
@@ -82,10 +82,10 @@ def both(module: Any, whole: P, library: Sequence[Described] = ()) -> Any:
     tree = plan_of(whole)
     bindings = bindings_of(tree, library)
     compiled = compile_plan(tree, bindings=bindings)
-    found = constraints_of(tree, bindings=bindings)
-    assert found.independent
-    answer = module.by_structure(Structure(compiled, found))
-    assert answer == module.by_solver(Solver(compiled, found))
+    limits = constraints_of(tree, bindings=bindings)
+    assert limits.independent
+    answer = module.by_structure(Structure(compiled, limits))
+    assert answer == module.by_solver(Solver(compiled, limits))
     return answer
 
 
@@ -205,8 +205,8 @@ _AT_ONCE = par_any(C("sequential"), "d/Y")
     ],
 )
 def test_loading_by_hand(whole: P, peak: int, kinds: int) -> None:
-    found = both(loading, whole)
-    assert (found.peak, found.all) == (peak, kinds)
+    loads = both(loading, whole)
+    assert (loads.peak, loads.all) == (peak, kinds)
 
 
 def test_numbers_that_differ_contradict_unless_one_is_unknown() -> None:
@@ -237,7 +237,7 @@ def libraries() -> st.SearchStrategy[list[Described]]:
         )
 
     pairs = [one(interface, provider) for interface in INTERFACES for provider in PROVIDERS]
-    return st.tuples(*pairs).map(lambda known: [found for found in known if found is not None])
+    return st.tuples(*pairs).map(lambda library: [each for each in library if each is not None])
 
 
 @settings(max_examples=many(100))
@@ -263,10 +263,10 @@ def test_all_ways_agree_with_brute_force(
     tree = plan_of(whole)
     bindings = bindings_of(tree, library)
     texts = [] if constraint is None else [str(constraint)]
-    found = constraints_of(
+    limits = constraints_of(
         tree, faults=models, consistent=consistent, assumptions=texts, bindings=bindings
     )
-    compiled = compile_plan(tree, bindings=bindings, start_chain=found.no_start)
+    compiled = compile_plan(tree, bindings=bindings, start_chain=limits.no_start)
     load = loaded(world)
     assert load is not None
     expected: dict[Any, Any] = {
@@ -275,9 +275,9 @@ def test_all_ways_agree_with_brute_force(
         loading: loading.Answer(*load),
     }
     for module, wanted in expected.items():
-        assert module.by_solver(Solver(compiled, found)) == wanted
-        if found.independent:
-            answer = module.by_structure(Structure(compiled, found))
+        assert module.by_solver(Solver(compiled, limits)) == wanted
+        if limits.independent:
+            answer = module.by_structure(Structure(compiled, limits))
             assert answer == wanted
             assert module is not loading or answer.peak != UNKNOWN
 
@@ -344,9 +344,9 @@ def test_the_search_for_the_peak_keeps_the_limit_of_steps(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(loading, "Solver", Watched)
     tree = plan_of(plan(par_all(seq("d/A", "d/B"), seq("d/C", "d/E"))))
-    compiled, found = compile_plan(tree), constraints_of(tree)
+    compiled, actual = compile_plan(tree), constraints_of(tree)
     for rlimit in (400_000, 50_000_000):
-        assert loading.by_solver(Solver(compiled, found, rlimit=rlimit)) == loading.Answer(2, 4)
+        assert loading.by_solver(Solver(compiled, actual, rlimit=rlimit)) == loading.Answer(2, 4)
     assert limits == [400_000, 500_000]
 
 
@@ -355,8 +355,8 @@ def test_where_the_loads_are_too_many_nothing_contradicts(monkeypatch: pytest.Mo
     monkeypatch.setattr("gpsfsm.analysis.timing.loads._MAX_STEPS", 3)
     monkeypatch.setattr("gpsfsm.analysis.decisions.loading._MAX_RUNNERS", 1)
     tree = plan_of(plan(par_any("d/A", seq("d/B", "d/C")), par_any("d/A", "d/B"), "d/E"))
-    compiled, found = compile_plan(tree), constraints_of(tree)
-    decided = decide(compiled, found, AnalysisOptions())
+    compiled, actual = compile_plan(tree), constraints_of(tree)
+    decided = decide(compiled, actual, AnalysisOptions())
     facts = decided.facts()
     assert facts is not None
     assert facts.loaded is not None

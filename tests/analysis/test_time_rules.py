@@ -40,9 +40,9 @@ def findings(
 ) -> list[Finding]:
     tree = plan_of(whole)
     bindings = bindings_of(tree, library)
-    found = constraints_of(tree, consistent=consistent, bindings=bindings)
+    constraints = constraints_of(tree, consistent=consistent, bindings=bindings)
     options = AnalysisOptions(consistent=consistent, **limits)  # type: ignore[arg-type]
-    decided = decide(compile_plan(tree, bindings=bindings), found, options)
+    decided = decide(compile_plan(tree, bindings=bindings), constraints, options)
     find = rule(code).find
     assert find is not None
     return list(find(Context(decided)))
@@ -53,38 +53,38 @@ def test_a_deadline_that_is_missed_only_if_the_quick_unit_fails(consistent: bool
     quick, slow = takes("d/A", 10), takes("d/B", 100)
     whole = plan(par_any("d/A", "d/B"), "d/C")
     library = [quick, slow, takes("d/C", 1)]
-    (found,) = findings("GP502", whole, library, consistent=consistent, deadline_s=50)
-    assert "can take longer than the deadline of 50 s: 11 s to 101 s" in found.message
-    assert found.scenario is not None
+    (finding,) = findings("GP502", whole, library, consistent=consistent, deadline_s=50)
+    assert "can take longer than the deadline of 50 s: 11 s to 101 s" in finding.message
+    assert finding.scenario is not None
     # FAILED of A is what makes the plan wait for B
-    assert found.scenario.outcomes[:2] == (
+    assert finding.scenario.outcomes[:2] == (
         ("/Plan/Control[1]/Runner[1]", Outcome.FAILED),
         ("/Plan/Control[1]/Runner[2]", Outcome.SUCCEEDED),
     )
-    assert found.scenario.story[-1] == "the plan completes after up to 101 s"
+    assert finding.scenario.story[-1] == "the plan completes after up to 101 s"
     assert not findings("GP502", whole, library, consistent=consistent, deadline_s=101)
     assert not findings("GP502", whole, library, consistent=consistent)
 
 
 def test_a_deadline_that_is_always_missed() -> None:
-    (found,) = findings("GP502", plan("d/A"), [takes("d/A", 10, 12)], deadline_s=5)
-    assert "every run of this plan takes longer" in found.message
-    assert "10 s to 12 s" in found.message
+    (finding,) = findings("GP502", plan("d/A"), [takes("d/A", 10, 12)], deadline_s=5)
+    assert "every run of this plan takes longer" in finding.message
+    assert "10 s to 12 s" in finding.message
 
 
 def test_a_deadline_that_nothing_guarantees() -> None:
-    (found,) = findings("GP502", plan("d/A", "d/X"), [takes("d/A", 1)], deadline_s=5)
-    assert "takes at least 1 s" in found.message
-    assert found.message.endswith("X at line 3")
-    assert found.scenario is not None
-    assert found.scenario.story[-1] == (
+    (finding,) = findings("GP502", plan("d/A", "d/X"), [takes("d/A", 1)], deadline_s=5)
+    assert "takes at least 1 s" in finding.message
+    assert finding.message.endswith("X at line 3")
+    assert finding.scenario is not None
+    assert finding.scenario.story[-1] == (
         "the plan completes, but nothing limits how long that takes"
     )
-    (found,) = findings("GP502", plan("d/X"), [], deadline_s=5)
-    assert found.message.startswith(
+    (finding,) = findings("GP502", plan("d/X"), [], deadline_s=5)
+    assert finding.message.startswith(
         "nothing guarantees the deadline of 5 s: no capability file declares"
     )
-    assert found.scenario is None
+    assert finding.scenario is None
 
 
 def test_amounts_that_no_float_could_add() -> None:
@@ -108,20 +108,24 @@ def test_a_run_that_just_keeps_the_limit_is_not_the_one_shown() -> None:
     whole, library = plan("d/A", rec("d/B")), [takes("d/A", 10), takes("d/B", 10)]
     (late,) = findings("GP502", whole, library, deadline_s=10)
     (greedy,) = findings("GP503", whole, library, energy_limit_j=10)
-    for found, end in ((late, "after up to 20 s"), (greedy, "takes up to 20 J")):
-        assert found.scenario is not None
-        assert found.scenario.outcomes[0] == ("/Plan/Runner[1]", Outcome.FAILED)
-        assert found.scenario.story[-1].endswith(end)
+    for expected, end in ((late, "after up to 20 s"), (greedy, "takes up to 20 J")):
+        assert expected.scenario is not None
+        assert expected.scenario.outcomes[0] == ("/Plan/Runner[1]", Outcome.FAILED)
+        assert expected.scenario.story[-1].endswith(end)
 
 
 def test_large_plans_get_no_scenario_where_only_z3_finds_one() -> None:
     # two equal actions, which come out alike
     whole, library = plan("d/A", rec("d/B"), "d/A"), [takes("d/A", 10), takes("d/B", 10)]
     for code, limit in (("GP502", "deadline_s"), ("GP503", "energy_limit_j")):
-        (found,) = findings(code, whole, library, consistent=True, second_opinion=3, **{limit: 15})
-        assert found.scenario is not None
-        (found,) = findings(code, whole, library, consistent=True, second_opinion=2, **{limit: 15})
-        assert found.scenario is None
+        (finding,) = findings(
+            code, whole, library, consistent=True, second_opinion=3, **{limit: 15}
+        )
+        assert finding.scenario is not None
+        (finding,) = findings(
+            code, whole, library, consistent=True, second_opinion=2, **{limit: 15}
+        )
+        assert finding.scenario is None
 
 
 def test_no_run_that_ends_keeps_no_deadline() -> None:
@@ -140,17 +144,17 @@ def test_a_plan_without_time_keeps_every_deadline() -> None:
 def test_an_energy_limit_counts_what_is_left_behind() -> None:
     whole = plan(par_any("d/A", "d/B"), "d/C")
     library = [takes("d/A", 10), takes("d/B", 20), takes("d/C", 5)]
-    (found,) = findings("GP503", whole, library, energy_limit_j=32)
-    assert "can take more energy than the limit of 32 J: 30 J to 35 J" in found.message
-    assert found.scenario is not None
-    assert found.scenario.story[-1] == "this run takes up to 35 J"
+    (finding,) = findings("GP503", whole, library, energy_limit_j=32)
+    assert "can take more energy than the limit of 32 J: 30 J to 35 J" in finding.message
+    assert finding.scenario is not None
+    assert finding.scenario.story[-1] == "this run takes up to 35 J"
     assert not findings("GP503", whole, library, energy_limit_j=35)
-    (found,) = findings("GP503", whole, library, energy_limit_j=29)
-    assert "every run of this plan takes more energy" in found.message
-    (found,) = findings("GP503", plan("d/A"), [takes("d/A", 1, None)], energy_limit_j=29)
-    assert "no capability file declares a maximum energy for A at line 2" in found.message
-    (found,) = findings("GP503", plan("d/X"), [], energy_limit_j=29)
-    assert "no capability file declares how much energy" in found.message
+    (finding,) = findings("GP503", whole, library, energy_limit_j=29)
+    assert "every run of this plan takes more energy" in finding.message
+    (finding,) = findings("GP503", plan("d/A"), [takes("d/A", 1, None)], energy_limit_j=29)
+    assert "no capability file declares a maximum energy for A at line 2" in finding.message
+    (finding,) = findings("GP503", plan("d/X"), [], energy_limit_j=29)
+    assert "no capability file declares how much energy" in finding.message
     assert not findings("GP503", plan(), [], energy_limit_j=0)
 
 
@@ -160,11 +164,11 @@ def test_an_energy_that_was_not_decided_is_not_said_to_be_undeclared() -> None:
     bindings = bindings_of(tree, [takes("d/A", 10), takes("d/B", 20)])
     constraints = constraints_of(tree, bindings=bindings)
     options = AnalysisOptions(energy_limit_j=5)
-    known = decide(compile_plan(tree, bindings=bindings), constraints, options)
-    unknown = replace(known, answers={**known.answers, "energy": None})
+    decision = decide(compile_plan(tree, bindings=bindings), constraints, options)
+    unknown = replace(decision, answers={**decision.answers, "energy": None})
     find = rule("GP503").find
     assert find is not None
-    assert [found.rule for found in find(Context(known))] == ["GP503"]
+    assert [each.rule for each in find(Context(decision))] == ["GP503"]
     assert not list(find(Context(unknown)))
 
 
@@ -178,29 +182,29 @@ def test_an_energy_that_was_not_decided_is_not_said_to_be_undeclared() -> None:
 def test_the_decisions_that_are_shown_are_enough(
     whole: P, library: list[Described], consistent: bool, limit: float
 ) -> None:
-    library = [replace(known, may_hang=False) for known in library]  # to hang is no event
+    library = [replace(described, may_hang=False) for described in library]  # to hang is no event
     world = World(whole, library, consistent=consistent)
 
     def most(instance: Instance, run: Run) -> float:
-        return instance.bounds(instance.known.duration if instance.known else None)[1]
+        return instance.bounds(instance.described.duration if instance.described else None)[1]
 
     def taken(run: Run) -> float:
         return sum(
-            one.bounds(one.known.energy)[1]
+            one.bounds(one.described.energy)[1]
             for one in world.instances
-            if one.known and one.known.energy and run.fired & one.node.trigger
+            if one.described and one.described.energy and run.fired & one.node.trigger
         )
 
     late = findings("GP502", whole, library, consistent=consistent, deadline_s=limit)
     greedy = findings("GP503", whole, library, consistent=consistent, energy_limit_j=limit)
-    for found, amount in (
-        *((found, lambda run: end_of(world, run, most)) for found in late),
-        *((found, taken) for found in greedy),
+    for expected, amount in (
+        *((each, lambda run: end_of(world, run, most)) for each in late),
+        *((each, taken) for each in greedy),
     ):
-        if found.scenario is None:
-            assert "nothing guarantees" in found.message
+        if expected.scenario is None:
+            assert "nothing guarantees" in expected.message
             continue
-        shown = dict(found.scenario.outcomes)
+        shown = dict(expected.scenario.outcomes)
         runs = [
             run
             for run in world.runs

@@ -38,14 +38,14 @@ def plan(*texts: str) -> str:
 @pytest.mark.parametrize("words", [SPEECH, "this plan", "parallel_any"])
 def test_the_speech_of_a_tree_is_not_reworded(words: str) -> None:
     body = f'<Sequence><Say text="{words}"/>\n<Say text="{words}"/></Sequence>'
-    (found,) = dangling(tree(body))
-    assert found.message == (
+    (finding,) = dangling(tree(body))
+    assert finding.message == (
         "2 of 2 failures make the tree fail (lines 3 and 4: nothing handles it); 1 failure is "
         "enough"
     )
-    assert found.hint == "use --tolerate N to require that no N failures make the tree fail"
-    assert found.scenario is not None
-    assert found.scenario.story == (
+    assert finding.hint == "use --tolerate N to require that no N failures make the tree fail"
+    assert finding.scenario is not None
+    assert finding.scenario.story == (
         f"Say (text={words}) at line 3 fails",
         "nothing handles this failure: the tree fails",
     )

@@ -20,9 +20,9 @@ SEQUENTIAL = '<Control type="sequential">'
 
 
 def read(text: str) -> Plan:
-    found = parse(text).plan
-    assert found is not None
-    return found
+    plan = parse(text).plan
+    assert plan is not None
+    return plan
 
 
 def test_a_runner_that_has_its_line_for_itself_is_named_by_it() -> None:
@@ -89,6 +89,6 @@ def test_the_uses_of_one_node_of_a_tree_do_not_share_a_line_with_themselves() ->
 def test_a_story_says_which_runner_of_a_line_fails() -> None:
     recovery = '<Control type="recovery">'
     report = check_text(f"<Plan>{GO}{recovery}{GO}</Control></Plan>", "", CheckOptions())
-    told = [each.scenario.story for each in report.findings if each.rule == "GP302"]
+    stories = [each.scenario.story for each in report.findings if each.rule == "GP302"]
     second = f"Go at line 1 column {7 + len(GO) + len(recovery)}"
-    assert [story[:-1] for story in told] == [("Go at line 1 column 7 fails", f"{second} fails")]
+    assert [story[:-1] for story in stories] == [("Go at line 1 column 7 fails", f"{second} fails")]

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _NEEDED = ("starlette", "uvicorn")
 _TOKENS = tuple(f"token-of-client-{number:02}" for number in range(6))
 _HONEST = _TOKENS[0]
-_ASKED = 5
+_REQUESTS = 5
 _WITHIN_S = 60.0
 _PATIENCE_S = 2.0
 _WORDS = ("--workers", "1", "--time-limit", "4", "--max-body", "300000", "--connections", "64")
@@ -75,7 +75,7 @@ def _service(tokens: bool) -> Service:
         file = Path(folder.name, "tokens")
         file.write_text("\n".join(_TOKENS), encoding="ascii")
         words += ["--token-file", file]
-    service = Service(*words).start()
+    service = Service(*words, new_workers=True).start()
     atexit.register(service.finish)
     return service
 
@@ -246,7 +246,7 @@ def judge(case: tuple[bool, tuple[Deed, ...]]) -> Iterator[str]:
 def _ask(service: Service, tokens: bool) -> None:
     """Ask as an honest client does; on connections of its own, so that none is cut off."""
     secret = {"authorization": f"Bearer {_HONEST}"} if tokens else {}
-    for number in range(_ASKED):
+    for number in range(_REQUESTS):
         plan = list(_VERDICTS)[number % len(_VERDICTS)]
         with service.client(headers=secret) as client:
             answer = client.post("/v1/gate", json={"plan": plan})

@@ -189,11 +189,11 @@ class Player:
 
     def play(self, *words: str) -> CompletedProcess[bytes]:
         """The command's end, which is an honest one, and the same each time."""
-        told = [self.files.get(word, word) for word in words]
+        responses = [self.files.get(word, word) for word in words]
         if words[0] not in _UNCONFIGURED:
-            told.insert(1, "--isolated")
-        once, again = (self._once(told) for _ in range(2))
-        what = " ".join(told)
+            responses.insert(1, "--isolated")
+        once, again = (self._once(responses) for _ in range(2))
+        what = " ".join(responses)
         assert once.returncode in (0, 1, 2), f"{what}: exit code {once.returncode}\n{_said(once)}"
         for sign in (b"Traceback", b"defect of gpsfsm", b"has a defect"):
             assert sign not in once.stderr, f"{what}: {_said(once)}"
@@ -266,7 +266,7 @@ def _fuzz(player: Player, case: Case) -> Iterator[str]:
         return
     _, plan = _check(player, *options)
     assert plan is not None, "fuzz takes options that check does not"
-    ends = [found["scenario"]["ends"] for found in json.loads(done.stdout)["findings"]]
+    ends = [each["scenario"]["ends"] for each in json.loads(done.stdout)["findings"]]
     for end in ends:
         _possible(end, plan)
     yield from (f"fuzz: {end}" for end in ends or ("nothing",))

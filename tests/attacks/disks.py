@@ -104,7 +104,7 @@ def cases() -> st.SearchStrategy[Case]:
         st.lists(st.integers(0, len(DRAWN) - 1), min_size=1, max_size=6).map(tuple),
         st.lists(st.integers(0, len(ACTS) - 1), min_size=1, max_size=6).map(tuple),
         st.integers(0, 1000),
-        limits.map(lambda found: found if found == ROOM else found * 1024),
+        limits.map(lambda actual: actual if actual == ROOM else actual * 1024),
         st.sampled_from(["", "", "", "out", "err", "out err"]),
     )
 

@@ -115,7 +115,7 @@ def judge(case: Case) -> Iterator[str]:
             around = {"HOME": home, "XDG_CONFIG_HOME": str(folder / "xdg")}
             ended = done(words, folder, {**around, "GPSFSM_API_KEY": _KEY})
             took_s = time.monotonic() - began_s
-        assert not trap.asked, "another server was asked"
+        assert not trap.received, "another server was asked"
         assert ended.code in (0, 1, 2), f"exit code {ended.code}"
         requests = case.attempts * (case.retries + 1) + 3  # and probes
         assert took_s < requests * _TIMEOUT_S + _SLACK_S, f"it took {took_s:.1f} s"

@@ -55,7 +55,7 @@ ATTRIBUTES = {
     "LogRunner": 'text="hello"',
     "WaitRunner": 'seconds="0.1"',
 }
-KNOWN = (
+DESCRIBED = (
     *(DRIVE, SPEAK, "generic_capabilities/ProcessRunner", "generic_capabilities/WaitRunner"),
     *("generic_capabilities/LogRunner", "nav2_capabilities/RobotPoseRunner"),
 )
@@ -80,7 +80,7 @@ HOME = Library(
 _NAMES = tuple(
     dict.fromkeys(
         (
-            *(*KNOWN, *FORMER, *HOME.interface_names, *(each.name for each in HOME.providers)),
+            *(*DESCRIBED, *FORMER, *HOME.interface_names, *(each.name for each in HOME.providers)),
             *("home/Unfiled", "home/Missing", "lift_bot/Lift", "x/SpeechRunner", "x/Say", "Say"),
         )
     )
@@ -187,13 +187,13 @@ def libraries(draw: DrawFn) -> Library:
 @st.composite
 def cases(draw: DrawFn) -> Case:
     """A plan and a robot."""
-    found = draw(st.lists(pairs(), min_size=1, max_size=3))
+    drawn = draw(st.lists(pairs(), min_size=1, max_size=3))
     if draw(st.booleans()):
-        found.append(found[0])  # two that do the same, at once maybe
+        drawn.append(drawn[0])  # two that do the same, at once maybe
     control = draw(st.sampled_from(["", "parallel_all", "parallel_any", "sequential"]))
-    names = sorted({name for pair in found for name in pair if name.strip()})
+    names = sorted({name for pair in drawn for name in pair if name.strip()})
     installed = {DRIVE, *(name for name in names if draw(st.booleans()))}
-    return Case(draw(libraries()), tuple(found), control, tuple(sorted(installed)))
+    return Case(draw(libraries()), tuple(drawn), control, tuple(sorted(installed)))
 
 
 def judge(case: Case) -> Iterator[str]:
@@ -221,21 +221,21 @@ def _would_load(library: Library, plan: Plan) -> list[Provider | None]:
     """Per runner of a plan the provider whose class a real run would make; None for none."""
     kernel = Kernel(compile_plan(plan, bindings=bind(plan, library)))
     maker = Maker(library, bound=kernel.bound)
-    found: list[Provider | None] = []
+    providers: list[Provider | None] = []
     for number, runner in enumerate(plan.runners):
         key = kernel.runners[kernel.runner_of[number]]
         binding = library.bind(runner)
         try:
             made, provider = maker.runner_class(*key), maker.described(*key)
         except RunnerError:
-            found.append(None)
+            providers.append(None)
             continue
         assert binding is not None, f"{key} is loaded as {made}, and was not described"
         assert binding.provider == provider
         assert binding.interface.name == key[0]
         assert fits(library, runner.interface, runner.provider, provider), (key, provider.name)
-        found.append(provider)
-    return found
+        providers.append(provider)
+    return providers
 
 
 def fits(library: Library, interface: str, provider: str, loaded: Provider) -> bool:
@@ -249,9 +249,9 @@ def fits(library: Library, interface: str, provider: str, loaded: Provider) -> b
     named = {each.name for each in library.providers}
 
     def base(name: str) -> str:
-        found = redefined.get(name, name)
-        found = found if found in interfaces or name in redefined else former.get(name, "")
-        return found if found in interfaces else ""
+        response = redefined.get(name, name)
+        response = response if response in interfaces or name in redefined else former.get(name, "")
+        return response if response in interfaces else ""
 
     meant = {base(interface), former.get(interface, "")} - {""}
     of_it = loaded.described and (
@@ -303,8 +303,8 @@ def _written(library: Library, interface: str, provider: str) -> Iterator[str]:
     """Whoever writes the files that a run asks for has described the runner."""
     files = least_files(library, interface, provider)
     if files:
-        found = describe(library, files, provider).resolve(interface, provider)
-        assert found.match is Match.DESCRIBED, (found, files)
+        resolution = describe(library, files, provider).resolve(interface, provider)
+        assert resolution.match is Match.DESCRIBED, (resolution, files)
         yield "the lines to write are told"
 
 

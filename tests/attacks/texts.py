@@ -137,8 +137,8 @@ def _texts(draw: DrawFn) -> bytes:
     raw = draw(st.booleans())
 
     def value() -> str:
-        found = "".join(draw(st.lists(st.sampled_from(_PIECES), min_size=1, max_size=3)))
-        return found if raw else "".join(map(_reference, found))
+        drawn = "".join(draw(st.lists(st.sampled_from(_PIECES), min_size=1, max_size=3)))
+        return drawn if raw else "".join(map(_reference, drawn))
 
     names = draw(st.sampled_from(("x", "name", "id", "interface", "provider", "task", "type")))
     first = f'<Runner {_RUNNER} {names}="{value()}"/>'
@@ -184,9 +184,9 @@ def judge(case: Case) -> Iterator[str]:
             return
         (folder / "other.xml").write_text(f"<Plan><Runner {_RUNNER}/></Plan>")
         (folder / "task.yaml").write_text(_TASK)
-        known = {"PLAN": case.name, "OTHER": "other.xml", "TASK": "task.yaml", "NAME": case.name}
-        known["replay:PLAN"] = f"replay:{case.name}"
-        words = [known.get(word, word) for word in case.words]
+        words_ = {"PLAN": case.name, "OTHER": "other.xml", "TASK": "task.yaml", "NAME": case.name}
+        words_["replay:PLAN"] = f"replay:{case.name}"
+        words = [words_.get(word, word) for word in case.words]
         stdin = case.text if "-" in words else b""
         env = {"GITHUB_ACTIONS": "true"} if case.server else {}
         began = time.monotonic()

@@ -51,18 +51,18 @@ def _chosen(
     attacks: bool,
 ) -> dict[str, Pair]:
     """The comparisons, or attacks, asked for that can be made here; says which cannot."""
-    known = all_pairs()
+    pairs = all_pairs()
     for name in (*(only or ()), *without):
-        if name not in known:
-            parser.error(f"there is no comparison '{name}'; there are {', '.join(known)}")
-    found = {}
-    for name in only or [name for name, pair in known.items() if pair.attack is attacks]:
-        why = known[name].missing()
+        if name not in pairs:
+            parser.error(f"there is no comparison '{name}'; there are {', '.join(pairs)}")
+    chosen = {}
+    for name in only or [name for name, pair in pairs.items() if pair.attack is attacks]:
+        why = pairs[name].missing()
         if why:
             print(f"{name}: left out, {why}", file=sys.stderr)
         elif name not in without:
-            found[name] = known[name]
-    return found
+            chosen[name] = pairs[name]
+    return chosen
 
 
 def main(words: Sequence[str] | None = None) -> int:

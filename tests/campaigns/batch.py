@@ -48,14 +48,14 @@ def seed_of(name: str, campaign: int, number: int) -> int:
 def play(name: str, campaign: int, number: int, cases: int) -> Batch:
     """Judge up to ``cases`` cases of a comparison."""
     pair = all_pairs()[name]
-    found = Batch(name, campaign, number)
+    batch = Batch(name, campaign, number)
     began = time.monotonic()
-    found.failure = _played(pair, found, seed_of(name, campaign, number), cases)
-    found.seconds = time.monotonic() - began
-    return found
+    batch.failure = _played(pair, batch, seed_of(name, campaign, number), cases)
+    batch.seconds = time.monotonic() - began
+    return batch
 
 
-def _played(pair: Pair, found: Batch, start: int, cases: int) -> Failure | None:
+def _played(pair: Pair, batch: Batch, start: int, cases: int) -> Failure | None:
     failing: list[Any] = []
 
     @seed(start)
@@ -74,14 +74,14 @@ def _played(pair: Pair, found: Batch, start: int, cases: int) -> Failure | None:
         try:
             labels = list(pair.judge(case))
         except UnknownError:
-            found.unknown += 1
+            batch.unknown += 1
         except Exception:
             failing.append(case)
             raise
         else:
             if not failing:
-                found.cases += 1
-                found.labels.update(labels)
+                batch.cases += 1
+                batch.labels.update(labels)
 
     try:
         judged()

@@ -63,17 +63,17 @@ def _batches(
     A batch may find fewer different cases than it was asked for; what is given out counts as
     played here, so that a comparison with few cases comes to an end.
     """
-    given = {name: counts.tally(name).cases for name in pairs}
+    counts_ = {name: counts.tally(name).cases for name in pairs}
     while True:
-        open_ = [name for name, pair in pairs.items() if given[name] < goal.of(pair)]
+        open_ = [name for name, pair in pairs.items() if counts_[name] < goal.of(pair)]
         if not open_:
             return
-        name = min(open_, key=lambda name: given[name] / goal.of(pairs[name]))
-        size = min(pairs[name].batch, goal.of(pairs[name]) - given[name])
+        name = min(open_, key=lambda name: counts_[name] / goal.of(pairs[name]))
+        size = min(pairs[name].batch, goal.of(pairs[name]) - counts_[name])
         tally = counts.tally(name)
         number = tally.batches
         tally.batches += 1
-        given[name] += size
+        counts_[name] += size
         yield name, counts.seed, number, size
 
 

@@ -49,12 +49,12 @@ class Counts:
         """The counts in a file, none if there is no file; a ValueError if of another seed."""
         if file is None or not file.exists():
             return cls(seed)
-        found = json.loads(file.read_text(encoding="utf-8"))
-        if found["seed"] != seed:
-            raise ValueError(f"{file} holds the counts of seed {found['seed']}, not of {seed}")
+        document = json.loads(file.read_text(encoding="utf-8"))
+        if document["seed"] != seed:
+            raise ValueError(f"{file} holds the counts of seed {document['seed']}, not of {seed}")
         tallies = {
             name: Tally(**{**each, "labels": Counter(each["labels"])})
-            for name, each in found["of"].items()
+            for name, each in document["of"].items()
         }
         return cls(seed, tallies)
 

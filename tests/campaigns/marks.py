@@ -13,6 +13,6 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "reliability.md"
 def replaced(text: str, mark: str, new: str) -> str:
     """The text with what stands between the two marks replaced; an error if they are not there."""
     pattern = re.compile(rf"(<!-- {mark} -->\n).*?(<!-- /{mark} -->)", re.DOTALL)
-    found, count = pattern.subn(lambda match: f"{match[1]}{new}\n{match[2]}", text)
+    result, count = pattern.subn(lambda match: f"{match[1]}{new}\n{match[2]}", text)
     assert count == 1, mark
-    return found
+    return result

@@ -19,9 +19,9 @@ def table(counts: Counts) -> str:
         "| what | cases | disagreements | no answer | seconds |",
         "|---|---:|---:|---:|---:|",
     ]
-    known = all_pairs()
+    pairs = all_pairs()
     for name, each in sorted(counts.of.items()):
-        about = known[name].about if name in known else ""
+        about = pairs[name].about if name in pairs else ""
         lines.append(
             f"| `{name}`: {about} | {each.cases:,} | {each.disagreements} | {each.unknown} "
             f"| {each.seconds:,.0f} |"

@@ -62,18 +62,18 @@ class _Writer:
         return _Unit(f"{name}_ok", f"{name}_ko")
 
     def unit(self, placed: Placed, guards: list[Placed], trigger: str) -> _Unit:
-        found = self.element(placed, trigger)
+        outcomes = self.element(placed, trigger)
         for guard in guards:
-            found = self.guard(found, guard)
-        return found
+            outcomes = self.guard(outcomes, guard)
+        return outcomes
 
     def guard(self, guarded: _Unit, recovery: Placed) -> _Unit:
         """``guard(u; d1 … dm)``: each d is triggered by the failure of the one before it."""
         failure, successes = guarded.failure, [guarded.success]
         for child, guards in _grouped(self, recovery.children):
-            found = self.unit(child, guards, failure)
-            successes.append(found.success)
-            failure = found.failure
+            outcomes = self.unit(child, guards, failure)
+            successes.append(outcomes.success)
+            failure = outcomes.failure
         return _Unit(self.bit("g", " || ".join(successes)), failure)
 
     def element(self, placed: Placed, trigger: str) -> _Unit:
@@ -86,22 +86,22 @@ class _Writer:
         assert isinstance(node, C)
         if node.type == "sequential":
             return self.sequential(units, trigger)
-        found = [self.unit(child, guards, trigger) for child, guards in units]
+        outcomeses = [self.unit(child, guards, trigger) for child, guards in units]
         all_of, one_of = " && ", " || "
         if node.type == "parallel_any":
             all_of, one_of = one_of, all_of
-        success = self.bit("s", all_of.join(each.success for each in found))
-        failure = self.bit("f", one_of.join(each.failure for each in found))
-        if node.type == "parallel_all" and len(found) > 1:
+        success = self.bit("s", all_of.join(each.success for each in outcomeses))
+        failure = self.bit("f", one_of.join(each.failure for each in outcomeses))
+        if node.type == "parallel_all" and len(outcomeses) > 1:
             self.blocks.append((placed.path, trigger, success))
         return _Unit(success, failure)
 
     def sequential(self, units: list[tuple[Placed, list[Placed]]], trigger: str) -> _Unit:
         failures = []
         for child, guards in units:
-            found = self.unit(child, guards, trigger)
-            failures.append(found.failure)
-            trigger = found.success
+            outcomes = self.unit(child, guards, trigger)
+            failures.append(outcomes.failure)
+            trigger = outcomes.success
         return _Unit(trigger, self.bit("f", " || ".join(failures) or _NEVER))
 
 
@@ -155,7 +155,7 @@ def _process(name: str, trigger: str, *, hang: bool) -> Iterator[str]:
 
 def _questions(writer: _Writer, end: _Unit) -> tuple[tuple[tuple[str, str], ...], list[str]]:
     completed, gave_up = f"({end.success})", f"({end.failure})"
-    asked = [
+    queries = [
         ("completes", "", completed),
         ("gives_up", "", gave_up),
         ("stuck", "", f"!{completed} && !{gave_up}"),
@@ -165,12 +165,12 @@ def _questions(writer: _Writer, end: _Unit) -> tuple[tuple[tuple[str, str], ...]
         ("not stuck", "", f"{completed} || {gave_up}"),
     ]
     for path, name, trigger in writer.runners:
-        asked += [("reached", path, trigger), ("orphan", path, f"late_{name}")]
+        queries += [("reached", path, trigger), ("orphan", path, f"late_{name}")]
     for path, trigger, success in writer.blocks:
-        asked.append(("waits", path, f"({trigger}) && !{success}"))
+        queries.append(("waits", path, f"({trigger}) && !{success}"))
     # The number makes each assertion known in what the verifier prints.
     asserted = [
         f"  :: assert(!(({what}) && {1000 + number} == {1000 + number}))"
-        for number, (_, _, what) in enumerate(asked)
+        for number, (_, _, what) in enumerate(queries)
     ]
-    return tuple((kind, path) for kind, path, _ in asked), asserted
+    return tuple((kind, path) for kind, path, _ in queries), asserted

@@ -148,7 +148,7 @@ class _Writer:
         yield from (f"byte s_{name} = 0;" for name in self.runners)
         yield "byte ended = 0;"
 
-    def process(self, asked: list[str]) -> Iterator[str]:
+    def process(self, variables: list[str]) -> Iterator[str]:
         yield "active proctype machine() {"
         yield "  d_step { begins = true; instant(); round = false };"
         yield "  do"
@@ -167,7 +167,7 @@ class _Writer:
         yield "accept_end: round = false"
         yield "    :: else"
         yield "    fi"
-        yield from (f"  :: {line}; break" for line in asked)
+        yield from (f"  :: {line}; break" for line in variables)
         yield "  od"
         yield "}"
 
@@ -176,23 +176,23 @@ def machine_model(graph: nx.MultiDiGraph[Any], outcomes: Mapping[str, frozenset[
     """The model of a machine whose nodes have names that are words."""
     writer = _Writer(graph, outcomes)
     still = " && ".join(f"s_{name} != 1" for name in writer.runners)
-    asked = [
+    queries = [
         ("completes", "", "ended == 1"),
         ("gives_up", "", "ended == 2"),
         ("stuck", "", f"ended == 0 && {still}"),
     ]
     for name in writer.runners:
-        asked.append(("reached", name, f"s_{name} != 0"))
-        asked.append(("orphan", name, f"just && s_{name} != 0"))
+        queries.append(("reached", name, f"s_{name} != 0"))
+        queries.append(("orphan", name, f"just && s_{name} != 0"))
     for name, need in writer.joins.items():
         inputs = " || ".join(kept for kept, _ in writer.inputs[name])
         if need > 1 and inputs:
             waits = f"{still} && ({inputs}) && !f_{name}"
-            asked.append(("waits stuck", name, f"{waits} && ended == 0"))
+            queries.append(("waits stuck", name, f"{waits} && ended == 0"))
     # The number makes each assertion known in what the verifier prints.
     asserted = [
         f"assert(!(({what}) && {1000 + number} == {1000 + number}))"
-        for number, (_, _, what) in enumerate(asked)
+        for number, (_, _, what) in enumerate(queries)
     ]
     lines = [*writer.variables(), *writer.instant(), *writer.process(asserted), ""]
-    return Model("\n".join(lines), tuple((kind, name) for kind, name, _ in asked))
+    return Model("\n".join(lines), tuple((kind, name) for kind, name, _ in queries))

@@ -22,9 +22,9 @@ __all__ = ["all_pairs"]
 @cache
 def all_pairs() -> dict[str, Pair]:
     """All comparisons and attacks by name, in the order of their names."""
-    found: list[Pair] = []
+    listed: list[Pair] = []
     for package in (pairs, attacks):
         for module in pkgutil.iter_modules(package.__path__):
             loaded = importlib.import_module(f"{package.__name__}.{module.name}")
-            found += loaded.PAIRS if hasattr(loaded, "PAIRS") else [loaded.PAIR]
-    return {pair.name: pair for pair in sorted(found, key=lambda pair: pair.name)}
+            listed += loaded.PAIRS if hasattr(loaded, "PAIRS") else [loaded.PAIR]
+    return {pair.name: pair for pair in sorted(listed, key=lambda pair: pair.name)}

@@ -17,9 +17,9 @@ def _last_frame() -> int:
     log = (whole("crashed") / f"{NAME}-wal").read_bytes()
     salts, size = log[16:24], 24 + PAGE
     places = range(32, len(log) - size + 1, size)
-    found = [place for place in places if log[place + 8 : place + 16] == salts]
-    assert struct.unpack(">I", log[found[-1] + 4 : found[-1] + 8])[0]  # it ends a transaction
-    return found[-1]
+    actual = [place for place in places if log[place + 8 : place + 16] == salts]
+    assert struct.unpack(">I", log[actual[-1] + 4 : actual[-1] + 8])[0]  # it ends a transaction
+    return actual[-1]
 
 
 def _flipped(place: int, where: int) -> Damage:

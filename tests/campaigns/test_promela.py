@@ -23,8 +23,8 @@ R1, C1 = "/Plan/Runner[1]", "/Plan/Control[1]"
 
 def yes(whole: P, *, hang: bool = False) -> set[str]:
     """The questions that SPIN answers with yes, but for who is triggered."""
-    found = verified(model_of(whole, hang=hang))
-    return {f"{kind} {path}".strip() for (kind, path), it in found.items() if it}
+    proof = verified(model_of(whole, hang=hang))
+    return {f"{kind} {path}".strip() for (kind, path), it in proof.items() if it}
 
 
 @here
@@ -41,21 +41,21 @@ def test_no_runner() -> None:
 
 @here
 def test_a_dead_recovery_and_a_join_that_waits() -> None:
-    found = yes(plan(rec("Dead"), par_all("A", "B"), rec("Help")))
+    answers = yes(plan(rec("Dead"), par_all("A", "B"), rec("Help")))
     both = [f"/Plan/Control[2]/Runner[{n}]" for n in (1, 2)]
     help_ = "/Plan/Control[3]/Runner[1]"
     ends = {"completes", "gives_up", "not completes", "not gives_up", "not stuck"}
     reached = {f"reached {path}" for path in (*both, help_)}
     # Help begins when one of the two fails; the other may still be active when the plan completes
-    assert found == ends | reached | {"waits /Plan/Control[2]", *(f"orphan {p}" for p in both)}
+    assert answers == ends | reached | {"waits /Plan/Control[2]", *(f"orphan {p}" for p in both)}
 
 
 @here
 def test_an_orphan_at_the_instant_of_the_beginning() -> None:
-    found = yes(plan(par_any(seq(), seq("Y", "Z"))))
+    answers = yes(plan(par_any(seq(), seq("Y", "Z"))))
     y, z = (f"{C1}/Control[2]/Runner[{n}]" for n in (1, 2))
     always = {"completes", "not gives_up", "not stuck"}
-    assert found == always | {f"reached {y}", f"orphan {y}", f"reached {z}"}
+    assert answers == always | {f"reached {y}", f"orphan {y}", f"reached {z}"}
 
 
 MODEL = model_of(plan("A"))
@@ -88,14 +88,14 @@ def of_machine(*lines: str, hang: bool = False, **needs: int) -> set[str]:
     graph = machine(*lines, **needs)
     names = [name for name, kind in graph.nodes(data="kind") if kind == "runner"]
     outcomes = frozenset({"SUCCEEDED", "FAILED"} | ({"HANG"} if hang else set()))
-    found = verified(machine_model(graph, dict.fromkeys(names, outcomes)), cycles=True)
-    return {f"{kind} {name}".strip() for (kind, name), answer in found.items() if answer}
+    proof = verified(machine_model(graph, dict.fromkeys(names, outcomes)), cycles=True)
+    return {f"{kind} {name}".strip() for (kind, name), answer in proof.items() if answer}
 
 
 @here
 def test_a_machine_with_a_loop() -> None:
-    found = of_machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end", "b SUCCEEDED end")
-    assert found == {"completes", "endless", "reached a"}
+    holding = of_machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end", "b SUCCEEDED end")
+    assert holding == {"completes", "endless", "reached a"}
 
 
 @here
@@ -111,7 +111,7 @@ def test_a_machine_in_which_somebody_has_to_end() -> None:
 @here
 def test_joins_and_orphans_of_a_machine() -> None:
     lines = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED j", "b SUCCEEDED j")
-    found = of_machine(*lines, "j SUCCEEDED end", "a FAILED end", j=2)
-    assert found == {
+    holding = of_machine(*lines, "j SUCCEEDED end", "a FAILED end", j=2)
+    assert holding == {
         *("completes", "stuck", "reached a", "reached b", "orphan b", "waits stuck j"),
     }

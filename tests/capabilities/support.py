@@ -28,9 +28,9 @@ def write(folder: Path, files: dict[str, str | bytes]) -> None:
         file.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
-def load(folder: Path, files: dict[str, str | bytes], known: Library | None = None) -> Loaded:
+def load(folder: Path, files: dict[str, str | bytes], library: Library | None = None) -> Loaded:
     write(folder, files)
-    return load_directories([folder], base=known)
+    return load_directories([folder], base=library)
 
 
 def provider(folder: Path, body: str) -> tuple[Loaded, list[str]]:

@@ -194,9 +194,9 @@ class TestLimits:
     def test_a_limit_of_energy(self, arm: Path) -> None:
         write(arm, {"arm/providers/Grasp.yaml": PROVIDER + "energy: {max: 4}\n" + PARAMETERS})
         grasps = runner("arm/Grasp", force="2") * 2
-        for limit, found in ((8.0, []), (7.9, ["GP503"])):
+        for limit, expected in ((8.0, []), (7.9, ["GP503"])):
             report = only(grasps, capabilities=[arm], energy_limit_j=limit, ignore=["GP302"])
-            assert codes(report) == found
+            assert codes(report) == expected
 
     @pytest.mark.parametrize("limit", [0, -1, float("nan"), float("inf"), -float("inf")])
     def test_must_be_positive(self, limit: float) -> None:
@@ -212,10 +212,10 @@ def test_limits_that_are_no_numbers_are_misuse(limit: object) -> None:
         gpsfsm.check("<Plan/>", deadline_s=limit)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("given", ["mine", ""])
-def test_a_text_where_a_list_belongs_is_misuse(given: str) -> None:
+@pytest.mark.parametrize("written", ["mine", ""])
+def test_a_text_where_a_list_belongs_is_misuse(written: str) -> None:
     with pytest.raises(UsageError, match="capabilities takes a list of texts"):
-        gpsfsm.check("<Plan/>", capabilities=given)
+        gpsfsm.check("<Plan/>", capabilities=written)
 
 
 def test_a_path_where_a_list_belongs_is_misuse(arm: Path) -> None:

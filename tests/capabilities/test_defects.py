@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PARAMETERS = "definition:\n  configuration_parameters:\n"
-KNOWN = (
+DESCRIBED = (
     PARAMETERS + "    - {name: speed, type: double, default: 1}\n    - {name: mode, type: string}\n"
 )
 """Lines 5 to 8."""
@@ -115,7 +115,7 @@ CASES = {
         "7:7: warning: a plan cannot give a parameter named 'two words'\n    give it another name",
     ),
     "fallback": (
-        KNOWN + "  runtime_parameters:\n    input: [{name: x, fallback_parameter: speeed}]\n",
+        DESCRIBED + "  runtime_parameters:\n    input: [{name: x, fallback_parameter: speeed}]\n",
         "10:23: error: there is no configuration parameter 'speeed' to fall back to\n"
         "    did you mean 'speed'?",
     ),
@@ -133,7 +133,7 @@ CASES = {
         "7:26: error: the output 'x' is described twice for one event\n    remove one of them",
     ),
     "command": (
-        KNOWN + "  command: \"<Runner speed='$speed' mod='a'/>\"\n",
+        DESCRIBED + "  command: \"<Runner speed='$speed' mod='a'/>\"\n",
         "9:3: warning: the command gives a parameter 'mod' that is not described\n"
         "    did you mean 'mode'?",
     ),
@@ -143,16 +143,16 @@ CASES = {
         "    remove one of them; never_fails is not used",
     ),
     "unless_of_nothing": (
-        KNOWN + "outcomes: {unless: {speed: 1}}\n",
+        DESCRIBED + "outcomes: {unless: {speed: 1}}\n",
         "9:12: warning: 'unless' says when 'never_fails' does not hold, which is not declared\n"
         "    add 'never_fails: true', or remove it",
     ),
     "unless_unknown": (
-        KNOWN + "outcomes: {never_fails: true, unless: {spede: 1}}\n",
+        DESCRIBED + "outcomes: {never_fails: true, unless: {spede: 1}}\n",
         "9:40: error: there is no configuration parameter 'spede'\n    did you mean 'speed'?",
     ),
     "unless_never": (
-        KNOWN + "outcomes: {never_fails: true, unless: {speed: fast}}\n",
+        DESCRIBED + "outcomes: {never_fails: true, unless: {speed: fast}}\n",
         "9:40: error: 'speed' never has this value: it is not a double\n"
         "    write a value of the type of the parameter",
     ),
@@ -174,11 +174,11 @@ CASES = {
         "5:10: error: min is greater than 1e+12: 2e+12\n    write a smaller number",
     ),
     "span_unknown": (
-        KNOWN + "duration: {max: timeout}\n",
+        DESCRIBED + "duration: {max: timeout}\n",
         "9:12: error: there is no configuration parameter 'timeout'\n    there are 'speed', 'mode'",
     ),
     "span_no_number": (
-        KNOWN + "duration: {max: mode}\n",
+        DESCRIBED + "duration: {max: mode}\n",
         "9:12: error: 'mode' is a string and not a number\n"
         "    name a parameter of type double or int",
     ),
@@ -187,15 +187,15 @@ CASES = {
         "5:12: error: 'duration.max' must be a number or the name of a parameter, not '.nan'",
     ),
     "buffer": (
-        KNOWN + "effects: {prompt_buffer: {uuid: mode, flush: flash}}\n",
+        DESCRIBED + "effects: {prompt_buffer: {uuid: mode, flush: flash}}\n",
         "9:39: error: there is no configuration parameter 'flash'\n    there are 'speed', 'mode'",
     ),
     "buffer_incomplete": (
-        KNOWN + "effects: {prompt_buffer: {uuid: mode}}\n",
+        DESCRIBED + "effects: {prompt_buffer: {uuid: mode}}\n",
         "9:11: error: 'effects.prompt_buffer' has no 'flush'\n    add it",
     ),
     "answer": (
-        KNOWN + "effects: {prompt_buffer: {uuid: mode, flush: speed, answer: x}}\n",
+        DESCRIBED + "effects: {prompt_buffer: {uuid: mode, flush: speed, answer: x}}\n",
         "9:53: error: there is no output 'x'\n    describe it",
     ),
     "sets_plan": (
@@ -207,11 +207,11 @@ CASES = {
         "8:11: error: there is no output 'test'\n    did you mean 'text'?",
     ),
     "effect_question": (
-        KNOWN + "effects: {question: made}\n",
+        DESCRIBED + "effects: {question: made}\n",
         "9:11: error: there is no configuration parameter 'made'\n    did you mean 'mode'?",
     ),
     "effect_checks": (
-        KNOWN + "effects: {checks: made}\n",
+        DESCRIBED + "effects: {checks: made}\n",
         "9:11: error: there is no configuration parameter 'made'\n    did you mean 'mode'?",
     ),
     "unknown_key": (
@@ -318,8 +318,8 @@ def test_defects_of_an_interface(tmp_path: Path, case: str) -> None:
         "arm/interfaces/Grasp.yaml": text,
     }
     loaded = load(tmp_path, files)
-    found = [one for one in said(loaded, tmp_path) if one.startswith("arm/interfaces/Grasp.yaml:")]
-    assert found == ["arm/interfaces/Grasp.yaml:" + expected]
+    actual = [one for one in said(loaded, tmp_path) if one.startswith("arm/interfaces/Grasp.yaml:")]
+    assert actual == ["arm/interfaces/Grasp.yaml:" + expected]
 
 
 def test_an_interface_that_nobody_describes(tmp_path: Path) -> None:
@@ -368,7 +368,7 @@ def test_never_fails_is_not_claimed_if_its_exceptions_are_not_understood(
     tmp_path: Path, unless: str
 ) -> None:
     loaded, texts = provider(
-        tmp_path, KNOWN + f"outcomes: {{never_fails: true, unless: {unless}}}\n"
+        tmp_path, DESCRIBED + f"outcomes: {{never_fails: true, unless: {unless}}}\n"
     )
     assert len(texts) == 1
     assert loaded.library.providers[0].outcomes == Outcomes()

@@ -63,8 +63,8 @@ def test_names_that_people_write(wanted: str, name: str) -> None:
 
 
 def test_the_default_provider_comes_first() -> None:
-    found = find(LIBRARY, "Grasp")
-    assert [provider.name for provider in found.providers] == ["arm/Grasp", "arm/Fast"]
+    example = find(LIBRARY, "Grasp")
+    assert [provider.name for provider in example.providers] == ["arm/Grasp", "arm/Fast"]
     assert [provider.name for provider in find(LIBRARY, "Lone").providers] == ["arm/Lone"]
     assert find(LIBRARY, "Lone").interface is None
 
@@ -108,11 +108,11 @@ def test_long_names_do_not_widen_the_list() -> None:
 
 def test_a_provider_is_written_with_its_interface() -> None:
     line = '<Runner interface="arm/Grasp" provider="arm/Fast"/>'
-    found = find(LIBRARY, "Fast")
-    lines = [shown.strip() for shown in show_lines(found)]
+    example = find(LIBRARY, "Fast")
+    lines = [shown.strip() for shown in show_lines(example)]
     assert line in lines
     assert "implements arm/Grasp" in lines
-    assert show_data(found)["providers"][0]["runner_line"] == line
+    assert show_data(example)["providers"][0]["runner_line"] == line
     # a semantic interface is written as it is
     assert (
         'interface="home/Grasp2"'
@@ -193,12 +193,12 @@ def test_hostile_texts_are_escaped() -> None:
     ],
 )
 def test_the_runner_line_has_values_of_the_right_type(parameter: Parameter, written: str) -> None:
-    found = Provider("p/Q", "i/J", configuration=(parameter,))
-    assert runner_line("i/J", found) == f'<Runner interface="i/J" provider="p/Q" a="{written}"/>'
+    provider = Provider("p/Q", "i/J", configuration=(parameter,))
+    assert runner_line("i/J", provider) == f'<Runner interface="i/J" provider="p/Q" a="{written}"/>'
 
 
 def test_the_runner_line_has_no_values_that_must_arrive() -> None:
-    found = Provider(
+    provider = Provider(
         "p/Q",
         "p/Q",
         configuration=(Parameter("a", required=True), Parameter("b", required=True)),
@@ -210,7 +210,7 @@ def test_the_runner_line_has_no_values_that_must_arrive() -> None:
             Input("e", required=True),
         ),
     )
-    assert runner_line("p/Q", found).endswith('provider="p/Q" b="…" c="…"/>')
+    assert runner_line("p/Q", provider).endswith('provider="p/Q" b="…" c="…"/>')
 
 
 def test_every_builtin_runner_line_is_a_plan() -> None:

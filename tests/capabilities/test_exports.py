@@ -62,10 +62,12 @@ def test_a_file_that_is_missing_is_told_at_its_place(tmp_path: Path) -> None:
 
 def test_a_file_that_is_not_exported_is_left_out(tmp_path: Path) -> None:
     let_go = INTERFACE.replace("Grasp", "LetGo")
-    told = package(tmp_path, INTERFACES, PROVIDERS, interfaces__LetGo=let_go, notes="a: 1\n")
-    assert len(told) == 1, "other YAML files are nobody's business"
-    assert told[0].startswith("arm/interfaces/LetGo.yaml:1:1: warning: ")
-    assert "does not export this file, so the robot does not see it, and it is left out" in told[0]
+    loaded = package(tmp_path, INTERFACES, PROVIDERS, interfaces__LetGo=let_go, notes="a: 1\n")
+    assert len(loaded) == 1, "other YAML files are nobody's business"
+    assert loaded[0].startswith("arm/interfaces/LetGo.yaml:1:1: warning: ")
+    assert (
+        "does not export this file, so the robot does not see it, and it is left out" in loaded[0]
+    )
     names = load_directories([tmp_path]).library.interface_names
     assert names == ("arm/Grasp",)
 

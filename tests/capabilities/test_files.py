@@ -30,7 +30,7 @@ def test_a_folder_that_is_described_again_is_told_once(tmp_path: Path) -> None:
             text = f"name: {name}\nspec_type: interface\nspec_version: {version}\n"
             write(tmp_path, {f"{place}/interfaces/{name}.yaml": text})
     loaded = load_directories([tmp_path])
-    assert {found.version for found in loaded.library.interfaces} == {"1.2"}
+    assert {interface.version for interface in loaded.library.interfaces} == {"1.2"}
     assert said(loaded, tmp_path) == [
         "arm/interfaces/Grasp.yaml:1:1: warning: 'arm/Grasp' is also described in "
         "v2/arm/interfaces/Grasp.yaml, which is used: it has the higher spec_version (2 more of "

@@ -17,7 +17,7 @@ from gpsfsm.capabilities.reading import FileModel
 from gpsfsm.capabilities.table import dump, load
 from gpsfsm.model.printable import printable
 
-MODELS = [found for found in vars(shapes).values() if isinstance(found, type)]
+MODELS = [each for each in vars(shapes).values() if isinstance(each, type)]
 KEYS = sorted(
     {key for model in MODELS if issubclass(model, FileModel) for key in model.model_fields}
 )
@@ -81,7 +81,7 @@ def read(content: bytes) -> Loaded:
     assert loaded.files == 1
     library = loaded.library
     entries = (*library.interfaces, *library.providers, *library.semantic)
-    assert len(entries) == 1 or [found for found in loaded.defects if found.severity == "error"]
+    assert len(entries) == 1 or [each for each in loaded.defects if each.severity == "error"]
     for defect in loaded.defects:
         assert defect.line >= 1
         assert defect.column >= 1

@@ -62,25 +62,25 @@ def bound(
     runner = f'<Runner interface="{interface}" provider="{provider or interface}" {attributes}/>'
     # inside a control, since a completion runner at the end of a plan is none of its runners
     plan = plan_of(f'<Plan><Control type="sequential">{runner}</Control></Plan>')
-    (found,) = bind(plan, library)
-    return found
+    (binding,) = bind(plan, library)
+    return binding
 
 
-def known(
+def binding_of(
     interface: str, provider: str = "", attributes: str = "", library: Library = LIBRARY
 ) -> Binding:
-    found = bound(interface, provider, attributes, library)
-    assert found is not None
-    return found
+    binding = bound(interface, provider, attributes, library)
+    assert binding is not None
+    return binding
 
 
 class TestNames:
     @pytest.mark.parametrize(
-        ("name", "found"),
+        ("name", "expected"),
         [("a/B", "a"), ("a/b/C", "a"), ("/B", ""), ("B", ""), ("", "")],
     )
-    def test_the_package_is_what_is_before_the_first_slash(self, name: str, found: str) -> None:
-        assert namespace(name) == found
+    def test_the_package_is_what_is_before_the_first_slash(self, name: str, expected: str) -> None:
+        assert namespace(name) == expected
 
     @pytest.mark.parametrize(
         ("name", "here"),
@@ -161,7 +161,11 @@ class TestExtension:
         )
         assert LIBRARY.translation("old/Let") == "arm/Release"  # the old answer must not stay
         both = LIBRARY.extended(other)
-        assert [found.name for found in both.interfaces] == ["aaa/New", "arm/Grasp", "arm/Release"]
+        assert [interface.name for interface in both.interfaces] == [
+            "aaa/New",
+            "arm/Grasp",
+            "arm/Release",
+        ]
         assert both.provider("arm/Grasp") is ours
         assert both.providers_of("arm/Grasp")[0] is ours
         assert both.provider("arm/Secret") is SECRET
@@ -178,9 +182,9 @@ class TestExtension:
             plain, formerly=GRASP.formerly, default_provider="arm/Aardvark"
         )
         other = replace(plain, default_provider="arm/Secret")
-        found = both.extended(Library(interfaces=(other,))).interface("arm/Grasp")
-        assert found is not None
-        assert found.default_provider == "arm/Secret"
+        actual = both.extended(Library(interfaces=(other,))).interface("arm/Grasp")
+        assert actual is not None
+        assert actual.default_provider == "arm/Secret"
 
     def test_a_provider_that_is_only_named_keeps_its_definition(self) -> None:
         named = Provider("arm/Grasp", "arm/Grasp", runner="r", version="1", origin="ours.yaml")
@@ -209,7 +213,7 @@ class TestExtension:
 
 class TestBinding:
     @pytest.mark.parametrize(
-        ("interface", "provider", "found"),
+        ("interface", "provider", "expected"),
         [
             ("arm/Grasp", "arm/Grasp", "arm/Grasp"),
             ("arm/Grasp", "arm/Aardvark", "arm/Aardvark"),
@@ -233,20 +237,20 @@ class TestBinding:
         ],
     )
     def test_interface_and_provider_must_fit(
-        self, interface: str, provider: str, found: str | None
+        self, interface: str, provider: str, expected: str | None
     ) -> None:
         binding = bound(interface, provider)
-        if found is None:
+        if expected is None:
             assert binding is None
         else:
             assert binding is not None
-            assert (binding.interface.name, binding.provider.name) == ("arm/Grasp", found)
+            assert (binding.interface.name, binding.provider.name) == ("arm/Grasp", expected)
 
     def test_the_provider_of_another_dialect_is_the_default_one(self) -> None:
         chosen = replace(GRASP, default_provider="arm/Aardvark")
         library = replace(LIBRARY, interfaces=(chosen, RELEASE))
-        assert known("old/Grab", library=library).provider.name == "arm/Aardvark"
-        assert known("arm/Grasp", library=library).provider.name == "arm/Grasp"
+        assert binding_of("old/Grab", library=library).provider.name == "arm/Aardvark"
+        assert binding_of("arm/Grasp", library=library).provider.name == "arm/Grasp"
 
     def test_the_provider_of_another_dialect_may_be_described_by_nobody(self) -> None:
         assert bound("old/Grab", library=replace(LIBRARY, providers=(RELEASES, SECRET))) is None
@@ -258,19 +262,19 @@ class TestBinding:
             for name in ("arm/Release", "arm/Missing", "arm/Grasp")
         )
         nested = f'<Plan><Control type="sequential">{runners}</Control></Plan>'
-        found = [each and each.interface.name for each in bind(plan_of(nested), LIBRARY)]
-        assert found == ["arm/Release", None, "arm/Grasp"]
+        actual = [each and each.interface.name for each in bind(plan_of(nested), LIBRARY)]
+        assert actual == ["arm/Release", None, "arm/Grasp"]
 
     def test_nothing_is_known_without_capabilities(self) -> None:
         assert bound("arm/Grasp", library=EMPTY.library) is None
 
     def test_older_engines_keep_prompts_by_other_rules(self) -> None:
-        here, elsewhere = known("arm/Grasp").provider, known("old/Grab").provider
+        here, elsewhere = binding_of("arm/Grasp").provider, binding_of("old/Grab").provider
         assert here.effects == GRASPS.effects
         assert elsewhere == replace(GRASPS, effects=Effects())
-        assert known("old/Grab", "arm/Grasp").provider == elsewhere
-        assert known("shop/Pick").provider.effects == GRASPS.effects
-        assert known("old/Grab", "arm/Aardvark").provider is QUICKLY
+        assert binding_of("old/Grab", "arm/Grasp").provider == elsewhere
+        assert binding_of("shop/Pick").provider.effects == GRASPS.effects
+        assert binding_of("old/Grab", "arm/Aardvark").provider is QUICKLY
 
     def test_an_answer_of_an_older_engine_need_not_be_read(self) -> None:
         asks = replace(
@@ -279,7 +283,10 @@ class TestBinding:
             effects=Effects(PromptBuffer("uuid", "flush", "answer")),
         )
         library = replace(LIBRARY, providers=(asks,))
-        here, elsewhere = known("arm/Grasp", library=library), known("old/Grab", library=library)
+        here, elsewhere = (
+            binding_of("arm/Grasp", library=library),
+            binding_of("old/Grab", library=library),
+        )
         assert [output.status for output in here.provider.outputs] == [False, False, True]
         assert [output.status for output in elsewhere.provider.outputs] == [True, False, True]
 
@@ -287,12 +294,12 @@ class TestBinding:
         older = Library(
             interfaces=(Interface("old/Grab"),), providers=(Provider("old/Grab", "old/Grab"),)
         )
-        found = known("old/Grab", library=LIBRARY.extended(older))
-        assert found.interface.name == "old/Grab"
-        assert found.provider == replace(GRASPS, effects=Effects())
+        binding = binding_of("old/Grab", library=LIBRARY.extended(older))
+        assert binding.interface.name == "old/Grab"
+        assert binding.provider == replace(GRASPS, effects=Effects())
         full = replace(older.providers[0], described=True)
         both = LIBRARY.extended(replace(older, providers=(full,)))
-        assert known("old/Grab", library=both).provider is full
+        assert binding_of("old/Grab", library=both).provider is full
 
     def test_undescribed_providers_of_todays_names_stay_so(self) -> None:
         both = Library(interfaces=(GRASP,), providers=(replace(GRASPS, described=False),))
@@ -301,13 +308,13 @@ class TestBinding:
 
 
 class TestAttributes:
-    def given(self, attributes: str) -> dict[str, str]:
-        given = known("arm/Grasp", attributes=attributes).written
-        return {name: attribute.text for name, attribute in given.items()}
+    def written(self, attributes: str) -> dict[str, str]:
+        written = binding_of("arm/Grasp", attributes=attributes).written
+        return {name: attribute.text for name, attribute in written.items()}
 
     def test_stand_under_the_name_of_the_parameter(self) -> None:
-        assert self.given('velocity="3"') == {"speed": "3"}
-        assert self.given('speed="1" force="2"') == {"speed": "1", "force": "2"}
+        assert self.written('velocity="3"') == {"speed": "3"}
+        assert self.written('speed="1" force="2"') == {"speed": "1", "force": "2"}
 
     @pytest.mark.parametrize(
         "attributes",
@@ -318,17 +325,17 @@ class TestAttributes:
         ],
     )
     def test_the_name_itself_wins_over_an_alias(self, attributes: str) -> None:
-        assert self.given(attributes) == {"speed": "1"}
+        assert self.written(attributes) == {"speed": "1"}
 
     def test_of_two_aliases_the_first_that_is_written_wins(self) -> None:
-        assert self.given('velocity="3" pace="4"') == {"speed": "3"}
-        assert self.given('pace="4" velocity="3"') == {"speed": "4"}
+        assert self.written('velocity="3" pace="4"') == {"speed": "3"}
+        assert self.written('pace="4" velocity="3"') == {"speed": "4"}
 
     def test_unknown_ones_stay_and_labels_are_none(self) -> None:
-        assert self.given('colour="red" name="n" id="7"') == {"colour": "red"}
+        assert self.written('colour="red" name="n" id="7"') == {"colour": "red"}
 
     def test_values(self) -> None:
-        binding = known("arm/Grasp", attributes='velocity="3" colour="red"')
+        binding = binding_of("arm/Grasp", attributes='velocity="3" colour="red"')
         assert [binding.value(name) for name in ("speed", "force", "colour", "gone")] == [
             3,
             2.0,
@@ -353,12 +360,12 @@ class TestBuiltin:
         older = 0
         for interface in self.LIBRARY.interfaces:
             default, *_ = self.LIBRARY.providers_of(interface.name)
-            here = known(interface.name, default.name, library=self.LIBRARY)
+            here = binding_of(interface.name, default.name, library=self.LIBRARY)
             assert here.provider is default
             for name in interface.formerly:
                 older += 1
                 assert self.LIBRARY.translation(name) == interface.name
-                elsewhere = known(name, library=self.LIBRARY)
+                elsewhere = binding_of(name, library=self.LIBRARY)
                 assert elsewhere.interface is interface
                 outputs = elsewhere.provider.outputs
                 assert elsewhere.provider == replace(default, effects=Effects(), outputs=outputs)

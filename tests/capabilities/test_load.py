@@ -71,31 +71,31 @@ definition:
 def test_every_field_of_a_provider_is_read(tmp_path: Path) -> None:
     loaded, texts = provider(tmp_path, FULL)
     assert texts == []
-    (found,) = loaded.library.providers
-    assert (found.name, found.implements, found.runner) == (
+    (actual,) = loaded.library.providers
+    assert (actual.name, actual.implements, actual.runner) == (
         "arm/Grasp",
         "arm/Grasp",
         "plugin::Grasp",
     )
-    assert found.description == "Closes the gripper."
-    assert found.version == "1.2"
-    assert found.described
-    assert found.depends_on == (("arm/Grasp", "arm/Grasp"),)
-    assert found.remappings == (("topics", "/a", "/b"), ("actions", "/c", "/d"))
-    assert found.deprecated == "too old"
-    assert found.outcomes == Outcomes(never_fails=True, may_hang=True, unless=(("flush", True),))
-    assert found.duration == Span(0.5, "timeout")
-    assert found.energy == Span(0.0, 20.0)
-    assert found.resources == ("arm", "gripper")
-    assert found.effects == Effects(PromptBuffer("uuid", "flush", "answer"), "plan")
-    assert found.origin == str(tmp_path / "arm/providers/Grasp.yaml")
+    assert actual.description == "Closes the gripper."
+    assert actual.version == "1.2"
+    assert actual.described
+    assert actual.depends_on == (("arm/Grasp", "arm/Grasp"),)
+    assert actual.remappings == (("topics", "/a", "/b"), ("actions", "/c", "/d"))
+    assert actual.deprecated == "too old"
+    assert actual.outcomes == Outcomes(never_fails=True, may_hang=True, unless=(("flush", True),))
+    assert actual.duration == Span(0.5, "timeout")
+    assert actual.energy == Span(0.0, 20.0)
+    assert actual.resources == ("arm", "gripper")
+    assert actual.effects == Effects(PromptBuffer("uuid", "flush", "answer"), "plan")
+    assert actual.origin == str(tmp_path / "arm/providers/Grasp.yaml")
 
 
 def test_parameters_inputs_and_outputs_are_read(tmp_path: Path) -> None:
     loaded, _ = provider(tmp_path, FULL)
-    (found,) = loaded.library.providers
+    (actual,) = loaded.library.providers
     double, string, integer = ValueType.DOUBLE, ValueType.STRING, ValueType.INT
-    assert found.configuration == (
+    assert actual.configuration == (
         Parameter("uuid", string, required=True),
         Parameter("flush", ValueType.BOOL, False, False, "a.b", description="Send it."),
         Parameter("timeout", double, False, 5.0, aliases=("go",), minimum=0.0, maximum=9.0),
@@ -104,8 +104,8 @@ def test_parameters_inputs_and_outputs_are_read(tmp_path: Path) -> None:
         Parameter("any", ValueType.ANY, False, 7),
         Parameter("names", ValueType.STRINGS, False, '["a", "b"]'),
     )
-    assert [type(each.default) for each in found.configuration[1:3]] == [bool, float]
-    assert found.inputs == (
+    assert [type(each.default) for each in actual.configuration[1:3]] == [bool, float]
+    assert actual.inputs == (
         Input("plan", string, required=True, aliases=("p",), semantic_key="c.d"),
         Input("x", double, satisfiable_from=(Source.UPSTREAM, Source.EXTERNAL)),
         Input(
@@ -117,7 +117,7 @@ def test_parameters_inputs_and_outputs_are_read(tmp_path: Path) -> None:
             demanded=True,
         ),
     )
-    assert found.outputs == (
+    assert actual.outputs == (
         Output("answer", string, aliases=("text",)),
         Output("code", integer, optional=True, status=True),
         Output("code", integer, Event.FAILED, optional=True, status=True),
@@ -193,9 +193,9 @@ def test_what_is_required(tmp_path: Path, keys: str, required: bool) -> None:
     body += f"  runtime_parameters: {{input: {entry}}}\n"
     loaded, texts = provider(tmp_path, body)
     assert texts == []
-    found = loaded.library.providers[0]
-    assert found.configuration[0].required is required
-    assert found.inputs[0].required is required
+    actual = loaded.library.providers[0]
+    assert actual.configuration[0].required is required
+    assert actual.inputs[0].required is required
 
 
 @pytest.mark.parametrize(
@@ -275,14 +275,14 @@ def test_all_versions_of_the_files_are_read(tmp_path: Path, version: str) -> Non
 def test_where_the_name_comes_from(tmp_path: Path, file: str, written: str, name: str) -> None:
     loaded = load(tmp_path, {file: f"name: {written}\nspec_type: interface\n"})
     assert loaded.defects == ()
-    assert [found.name for found in loaded.library.interfaces] == [name]
+    assert [interface.name for interface in loaded.library.interfaces] == [name]
 
 
 def test_the_package_of_a_provider_may_come_from_its_interface(tmp_path: Path) -> None:
     files: dict[str, str | bytes] = {"Grasp.yaml": PROVIDER, "arm/interfaces/Grasp.yaml": INTERFACE}
     loaded = load(tmp_path, files)
     assert loaded.defects == ()
-    assert [found.name for found in loaded.library.providers] == ["arm/Grasp"]
+    assert [provider.name for provider in loaded.library.providers] == ["arm/Grasp"]
 
 
 def test_the_kind_may_come_from_the_folder(tmp_path: Path) -> None:
@@ -305,7 +305,7 @@ def test_a_relative_folder_of_one_kind_knows_its_package(
     write(tmp_path, {"arm/interfaces/Grasp.yaml": INTERFACE})
     monkeypatch.chdir(tmp_path / "arm" / "interfaces")
     loaded = load_directories(["."])
-    assert [found.name for found in loaded.library.interfaces] == ["arm/Grasp"]
+    assert [interface.name for interface in loaded.library.interfaces] == ["arm/Grasp"]
     assert loaded.library.interfaces[0].origin == "Grasp.yaml"
 
 

@@ -35,7 +35,7 @@ def test_a_later_path_wins_silently(tmp_path: Path) -> None:
     for order in (("one", "two"), ("two", "one")):
         loaded = load_directories([tmp_path / name for name in order])
         assert loaded.defects == ()
-        assert [found.description for found in loaded.library.interfaces] == [order[1]]
+        assert [interface.description for interface in loaded.library.interfaces] == [order[1]]
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_of_two_files_of_one_folder_the_newer_form_counts(
         text = f"name: Grasp\nspec_type: interface\nspec_version: {version}\ndescription: {name}\n"
         write(tmp_path, {f"{name}/arm/interfaces/Grasp.yaml": text})
     loaded = load_directories([tmp_path])
-    assert [found.description for found in loaded.library.interfaces] == [used]
+    assert [interface.description for interface in loaded.library.interfaces] == [used]
     other = {"a": "b", "b": "a"}[used]
     assert said(loaded, tmp_path) == [
         f"{other}/arm/interfaces/Grasp.yaml:1:1: warning: 'arm/Grasp' is also described in "
@@ -68,12 +68,12 @@ def test_a_broken_file_does_not_stop_the_others(tmp_path: Path) -> None:
         "arm/interfaces/Not.yaml": b"\xff\xfe",
     }
     loaded = load(tmp_path, files)
-    assert [found.name for found in loaded.library.interfaces] == ["arm/Grasp"]
+    assert [interface.name for interface in loaded.library.interfaces] == ["arm/Grasp"]
     assert [defect.severity for defect in loaded.defects] == ["error", "error"]
 
 
 def test_what_the_known_library_has_may_be_named(tmp_path: Path) -> None:
-    known = load(tmp_path / "a", {"arm/interfaces/Grasp.yaml": INTERFACE}).library
+    library = load(tmp_path / "a", {"arm/interfaces/Grasp.yaml": INTERFACE}).library
     files: dict[str, str | bytes] = {"arm/providers/Grasp.yaml": PROVIDER}
-    assert load(tmp_path / "b", files, known).defects == ()
+    assert load(tmp_path / "b", files, library).defects == ()
     assert len(load(tmp_path / "b", files).defects) == 1

@@ -75,13 +75,13 @@ def checked(text: str, library: Library = LIBRARY, **analysis: Any) -> PlanRepor
 
 
 def facts(text: str, **analysis: Any) -> Facts:
-    found = checked(text, **analysis).facts
-    assert found is not None
-    return found
+    computed = checked(text, **analysis).facts
+    assert computed is not None
+    return computed
 
 
-def ends(found: Facts) -> tuple[str, str, str]:
-    return found.completes.value, found.gives_up.value, found.stuck.value
+def ends(computed: Facts) -> tuple[str, str, str]:
+    return computed.completes.value, computed.gives_up.value, computed.stuck.value
 
 
 SURE_RESCUED = plan(run("Sure"), control("recovery", run("Any")))
@@ -93,44 +93,44 @@ class TestNeverFails:
     """Outcomes stay independent, so both ways of deciding answer."""
 
     def test_alone(self, solver: SolverChoice) -> None:
-        found = facts(plan(run("Sure")), solver=solver)
-        assert ends(found) == ("always", "never", "never")
-        assert found.fewest_failures_to_give_up is None
-        assert [event.effect for event in found.dangling] == ["dont_care"]  # 5.3: it stays a fact
+        answer = facts(plan(run("Sure")), solver=solver)
+        assert ends(answer) == ("always", "never", "never")
+        assert answer.fewest_failures_to_give_up is None
+        assert [event.effect for event in answer.dangling] == ["dont_care"]  # 5.3: it stays a fact
 
     def test_nothing_is_found(self, solver: SolverChoice) -> None:
         report = checked(plan(run("Sure")), solver=solver)
         assert (report.verdict, report.findings) == (Verdict.ACCEPTED, ())
 
     def test_its_recovery_is_never_tried(self, solver: SolverChoice) -> None:
-        found = facts(SURE_RESCUED, solver=solver)
-        assert ends(found) == ("always", "never", "never")
-        assert found.unreachable == ("/Plan/Control[1]/Runner[1]",)
+        answer = facts(SURE_RESCUED, solver=solver)
+        assert ends(answer) == ("always", "never", "never")
+        assert answer.unreachable == ("/Plan/Control[1]/Runner[1]",)
 
     @pytest.mark.parametrize(
         ("flush", "completes"), [("", "always"), ("false", "always"), ("true", "sometimes")]
     )
     def test_unless(self, flush: str, completes: str, solver: SolverChoice) -> None:
-        found = facts(plan(run("Sure"), run("Unless", flush)), solver=solver)
-        assert found.completes == completes
+        answer = facts(plan(run("Sure"), run("Unless", flush)), solver=solver)
+        assert answer.completes == completes
         effect = "dont_care" if completes == "always" else "give_up"
-        assert [event.effect for event in found.dangling] == ["dont_care", effect]
+        assert [event.effect for event in answer.dangling] == ["dont_care", effect]
 
     def test_as_the_last_resort(self, solver: SolverChoice) -> None:
-        found = facts(plan(run("Any"), control("recovery", run("Sure"))), solver=solver)
-        assert ends(found) == ("always", "never", "never")
-        assert found.unreachable == ()
+        answer = facts(plan(run("Any"), control("recovery", run("Sure"))), solver=solver)
+        assert ends(answer) == ("always", "never", "never")
+        assert answer.unreachable == ()
 
     def test_beside_others(self, solver: SolverChoice) -> None:
-        found = facts(plan(control("parallel_any", run("Sure"), run("Any"))), solver=solver)
-        assert ends(found) == ("always", "never", "never")
-        assert found.orphans == (
+        answer = facts(plan(control("parallel_any", run("Sure"), run("Any"))), solver=solver)
+        assert ends(answer) == ("always", "never", "never")
+        assert answer.orphans == (
             "/Plan/Control[1]/Runner[1]",
             "/Plan/Control[1]/Runner[2]",
         )
-        found = facts(plan(control("parallel_all", run("Sure"), run("Any"))), solver=solver)
-        assert ends(found) == ("sometimes", "sometimes", "never")
-        assert found.fewest_failures_to_give_up == 1
+        answer = facts(plan(control("parallel_all", run("Sure"), run("Any"))), solver=solver)
+        assert ends(answer) == ("sometimes", "sometimes", "never")
+        assert answer.fewest_failures_to_give_up == 1
 
 
 @pytest.mark.parametrize("solver", ["z3", "auto"])
@@ -138,7 +138,7 @@ class TestOtherDeclarations:
     """Outcomes that the structural pass alone cannot judge."""
 
     @pytest.mark.parametrize(
-        ("text", "found"),
+        ("text", "expected"),
         [
             (plan(run("Hopeless")), ("never", "always", "never")),
             (plan(run("Hopeless"), run("Any")), ("never", "always", "never")),
@@ -161,19 +161,19 @@ class TestOtherDeclarations:
             ),
         ],
     )
-    def test_ends(self, text: str, found: tuple[str, str, str], solver: SolverChoice) -> None:
-        assert ends(facts(text, solver=solver)) == found
+    def test_ends(self, text: str, expected: tuple[str, str, str], solver: SolverChoice) -> None:
+        assert ends(facts(text, solver=solver)) == expected
 
     def test_what_is_behind_is_unreachable(self, solver: SolverChoice) -> None:
-        found = facts(plan(run("Hopeless"), run("Any")), solver=solver)
-        assert found.unreachable == ("/Plan/Runner[2]",)
-        assert found.fewest_failures_to_give_up == 1
+        answer = facts(plan(run("Hopeless"), run("Any")), solver=solver)
+        assert answer.unreachable == ("/Plan/Runner[2]",)
+        assert answer.fewest_failures_to_give_up == 1
 
     def test_a_recovery_is_always_tried(self, solver: SolverChoice) -> None:
         assert facts(HOPELESS_RESCUED, solver=solver).fewest_failures_to_give_up == 2
 
     @pytest.mark.parametrize(
-        ("name", "faults", "found"),
+        ("name", "faults", "expected"),
         [
             ("Sure", ("no-start",), ("always", "never", "never")),
             ("Sure", ("hang",), ("sometimes", "never", "sometimes")),
@@ -184,9 +184,13 @@ class TestOtherDeclarations:
         ],
     )
     def test_with_faults(
-        self, name: str, faults: tuple[str, ...], found: tuple[str, str, str], solver: SolverChoice
+        self,
+        name: str,
+        faults: tuple[str, ...],
+        expected: tuple[str, str, str],
+        solver: SolverChoice,
     ) -> None:
-        assert ends(facts(plan(run(name)), faults=faults, solver=solver)) == found
+        assert ends(facts(plan(run(name)), faults=faults, solver=solver)) == expected
 
     def test_a_start_that_cannot_be_missed_does_not_hold_others_up(
         self, solver: SolverChoice
@@ -242,9 +246,9 @@ class TestContradictions:
 
     def test_of_the_declaration_itself(self) -> None:
         assert self.message(checked(plan(run("Impossible")))) == self.DECLARED
-        found = checked(plan(run("Impossible")), faults=("hang",)).facts
-        assert found is not None
-        assert ends(found) == ("never", "never", "always")
+        actual = checked(plan(run("Impossible")), faults=("hang",)).facts
+        assert actual is not None
+        assert ends(actual) == ("never", "never", "always")
 
     def test_nothing_is_said_of_declarations_where_there_is_none(self) -> None:
         both = ("line 1 fails", "line 1 succeeds")
@@ -253,9 +257,9 @@ class TestContradictions:
 
 
 def facts_of(text: str, library: Library) -> Facts:
-    found = checked(text, library).facts
-    assert found is not None
-    return found
+    computed = checked(text, library).facts
+    assert computed is not None
+    return computed
 
 
 # ---- the same as the assumption that says it -----------------------------------------------------
@@ -268,7 +272,7 @@ def declaring(outcomes: Outcomes) -> Library:
     return Library(interfaces=(Interface(name),), providers=(provider,))
 
 
-def found_for(
+def facts_for(
     whole: P,
     library: Library,
     *,
@@ -305,7 +309,7 @@ def test_declared_outcomes_are_assumptions(
     if not faults and outcomes.never_fails:
         solvers.append("structural")
     for solver in solvers:
-        assert found_for(whole, declaring(outcomes), faults=faults, solver=solver) == found_for(
+        assert facts_for(whole, declaring(outcomes), faults=faults, solver=solver) == facts_for(
             whole, Library(), faults=faults, assumptions=said, solver=solver
         )
 
@@ -315,5 +319,5 @@ def test_may_hang_is_the_fault_of_one_provider(whole: P, no_start: bool) -> None
     faults = {"no-start"} if no_start else set[str]()
     others = paths(whole, LAZY, declared=False)
     said = [f"never hangs: {', '.join(others)}"] if others else []
-    wanted = found_for(whole, Library(), faults=faults | {"hang"}, assumptions=said, solver="z3")
-    assert found_for(whole, declaring(LAZY), faults=faults, solver="auto") == wanted
+    wanted = facts_for(whole, Library(), faults=faults | {"hang"}, assumptions=said, solver="z3")
+    assert facts_for(whole, declaring(LAZY), faults=faults, solver="auto") == wanted

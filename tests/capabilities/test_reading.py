@@ -92,23 +92,23 @@ REFUSED = {
 
 def read(text: str | bytes) -> tuple[Table | None, list[str]]:
     notes = Notes("f")
-    found = read_table(text.encode() if isinstance(text, str) else text, notes)
-    return found, [str(defect) for defect in notes.defects]
+    table = read_table(text.encode() if isinstance(text, str) else text, notes)
+    return table, [str(defect) for defect in notes.defects]
 
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_is_refused(case: str) -> None:
     text, expected = REFUSED[case]
-    found, texts = read(text)
+    parsed, texts = read(text)
     assert texts == expected
-    assert found is None
+    assert parsed is None
 
 
 def test_a_bomb_of_aliases_is_refused_where_it_begins() -> None:
     lines = ["a0: &a0 [x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 40)]
-    found, texts = read("\n".join(lines))
-    assert found is None
+    parsed, texts = read("\n".join(lines))
+    assert parsed is None
     assert texts[0].startswith("f:1:5: error: the anchor '&a0' is not allowed")
     assert len(texts) == 100
 
@@ -122,26 +122,26 @@ def test_binary_and_other_encodings_are_refused() -> None:
 
 
 def test_a_huge_file_is_not_parsed() -> None:
-    found, texts = read(b"a: " + b"x" * MAX_BYTES)
-    assert found is None
+    parsed, texts = read(b"a: " + b"x" * MAX_BYTES)
+    assert parsed is None
     assert texts == ["f:1:1: error: the file is larger than 1048576 bytes\n    split it up"]
 
 
 def test_a_huge_number_stays_text() -> None:
     for digits in ("9" * 5000, "1" + ":59" * 5000, "0x_", "1" + "_" * 200):
-        found, texts = read(f"a: {digits}\n")
+        parsed, texts = read(f"a: {digits}\n")
         assert texts == []
-        assert found is not None
-        assert found["a"] == Scalar(digits, digits, (1, 1))
+        assert parsed is not None
+        assert parsed["a"] == Scalar(digits, digits, (1, 1))
 
 
 def test_places_are_those_of_keys_and_items() -> None:
     text = "é: 1\nlist:\n  - one\n  - {a: 1, bc: 2}\n"
-    found, texts = read(text)
-    assert (texts, found is not None) == ([], True)
-    assert found is not None
-    assert found.places == {"é": (1, 1), "list": (2, 1)}
-    items = found["list"]
+    parsed, texts = read(text)
+    assert (texts, parsed is not None) == ([], True)
+    assert parsed is not None
+    assert parsed.places == {"é": (1, 1), "list": (2, 1)}
+    items = parsed["list"]
     assert isinstance(items, Items)
     assert [item.place for item in items] == [(3, 5), (4, 5)]
     assert isinstance(items[1], Table)
@@ -150,19 +150,19 @@ def test_places_are_those_of_keys_and_items() -> None:
 
 @pytest.mark.parametrize("text", ["on: 1\n", "yes: 1\n", "'on': 1\n", "!!str on: 1\n"])
 def test_keys_are_texts(text: str) -> None:
-    found, texts = read(text)
+    parsed, texts = read(text)
     assert texts == []
-    assert found is not None
-    assert all(isinstance(key, str) for key in found)
-    assert next(iter(found)) in text
+    assert parsed is not None
+    assert all(isinstance(key, str) for key in parsed)
+    assert next(iter(parsed)) in text
 
 
 def test_values_are_typed_and_keep_their_text() -> None:
     text = "a: 1.50\nb: on\nc: ~\nd: '1'\ne: !!str 1\nf: 0x10\ng: 2020-01-01\nh: !!int '3'\n"
-    found, texts = read(text)
+    parsed, texts = read(text)
     assert texts == []
-    assert found is not None
-    pairs = [(node.value, node.text) for node in found.values() if isinstance(node, Scalar)]
+    assert parsed is not None
+    pairs = [(node.value, node.text) for node in parsed.values() if isinstance(node, Scalar)]
     assert pairs == [
         (1.5, "1.50"),
         (True, "on"),

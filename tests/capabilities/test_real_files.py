@@ -27,9 +27,9 @@ def test_everything_that_can_be_loaded_is_loaded(shared_corpus: Path) -> None:
         said = re.search(r"^name:\s*(\S+)", file.read_text(), re.MULTILINE)
         assert said is not None
         names.add((kind, f"{package}/{said[1]}"))
-    assert {found.name for found in library.interfaces} == _of(names, "interfaces")
-    assert {found.name for found in library.providers} == _of(names, "providers")
-    assert {found.name for found in library.semantic} == _of(names, "semantic_interfaces")
+    assert {interface.name for interface in library.interfaces} == _of(names, "interfaces")
+    assert {provider.name for provider in library.providers} == _of(names, "providers")
+    assert {each.name for each in library.semantic} == _of(names, "semantic_interfaces")
     assert load(dump(library)) == library
 
 
@@ -47,24 +47,24 @@ def test_the_defects_are_the_ones_that_people_found(shared_corpus: Path) -> None
     ]
     assert all("quotation mark" in defect.hint for defect in errors)
     others = [defect.message for defect in loaded.defects if defect not in errors]
-    known = ("is also described in", "which no file describes", "but the file is called")
-    assert all(any(words in message for words in known) for message in others)
-    foreign = [message for message in others if known[1] in message]
+    entries = ("is also described in", "which no file describes", "but the file is called")
+    assert all(any(words in message for words in entries) for message in others)
+    foreign = [message for message in others if entries[1] in message]
     assert len(foreign) == 4
     assert all("'fp_perception_capabilities/" in message for message in foreign)
 
 
 def test_the_newest_form_counts(shared_corpus: Path) -> None:
     library = load_directories([shared_corpus / "capabilities"]).library
-    found = library.provider("prompt_capabilities/PromptTextRunner")
-    assert found is not None
-    assert found.version == "1.2"
-    assert found.described
+    provider = library.provider("prompt_capabilities/PromptTextRunner")
+    assert provider is not None
+    assert provider.version == "1.2"
+    assert provider.described
     flush = Parameter("flush", ValueType.BOOL, False, False, "prompt.cache.flush")
-    read = found.parameter("flush")
+    read = provider.parameter("flush")
     assert read is not None
     assert (read.type, read.required, read.default) == (flush.type, False, False)
-    (text,) = found.inputs
+    (text,) = provider.inputs
     assert text.required
     assert text.satisfiable_from == (Source.UPSTREAM, Source.CONFIGURATION)
     assert text.fallback == "text"
@@ -79,10 +79,10 @@ def test_the_newest_form_counts(shared_corpus: Path) -> None:
 def test_names_of_other_dialects_are_understood(shared_corpus: Path) -> None:
     old = load_directories([shared_corpus / "capabilities" / "v1"]).library
     library = builtin()
-    known = {*library.interface_names}
+    described = {*library.interface_names}
     unknown = [
-        found.name
-        for found in old.interfaces
-        if found.name not in known and library.translation(found.name) is None
+        interface.name
+        for interface in old.interfaces
+        if interface.name not in described and library.translation(interface.name) is None
     ]
     assert [name for name in unknown if "Launch" not in name] == []

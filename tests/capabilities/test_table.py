@@ -102,10 +102,10 @@ libraries = st.builds(
 @given(libraries)
 def test_nothing_is_lost(library: Library) -> None:
     text = dump(library)
-    found = load(text)
-    assert found == library
-    assert repr(found) == repr(library), "types of values are kept as well"
-    assert dump(found) == text
+    loaded = load(text)
+    assert loaded == library
+    assert repr(loaded) == repr(library), "types of values are kept as well"
+    assert dump(loaded) == text
     assert text.isascii()
 
 

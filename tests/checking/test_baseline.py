@@ -36,7 +36,7 @@ _JSON = st.recursive(
 FIRST, SECOND = "/Plan/Runner[1]", "/Plan/Runner[2]"
 
 
-def found(code: str, element: str, line: int = 1) -> Finding:
+def finding(code: str, element: str, line: int = 1) -> Finding:
     return rule(code).finding("", Location(line, 1, element))
 
 
@@ -48,43 +48,43 @@ def report(*findings: Finding, path: str = "a.xml", verdict: Verdict = Verdict.R
     return Report((PlanReport(path, verdict, None, findings),))
 
 
-def loaded(known: Report, folder: Path) -> Baseline:
+def loaded(library: Report, folder: Path) -> Baseline:
     file = folder / "known.json"
-    file.write_text(render(known, "json"), encoding="utf-8")
+    file.write_text(render(library, "json"), encoding="utf-8")
     return load_baseline(file)
 
 
 def test_lines_do_not_matter(tmp_path: Path) -> None:
-    baseline = loaded(report(found("GP302", FIRST, line=3)), tmp_path)
-    (plan,) = baseline.apply(report(found("GP302", FIRST, line=30))).plans
+    baseline = loaded(report(finding("GP302", FIRST, line=3)), tmp_path)
+    (plan,) = baseline.apply(report(finding("GP302", FIRST, line=30))).plans
     assert plan.findings == ()
-    assert plan.suppressed == (baselined(found("GP302", FIRST, line=30)),)
+    assert plan.suppressed == (baselined(finding("GP302", FIRST, line=30)),)
     assert plan.verdict is Verdict.REJECTED
 
 
 @pytest.mark.parametrize(
     "new",
     [
-        report(found("GP301", FIRST)),
-        report(found("GP302", SECOND)),
-        report(found("GP302", FIRST), path="b.xml"),
+        report(finding("GP301", FIRST)),
+        report(finding("GP302", SECOND)),
+        report(finding("GP302", FIRST), path="b.xml"),
     ],
 )
 def test_rule_element_and_path_do(new: Report, tmp_path: Path) -> None:
-    baseline = loaded(report(found("GP302", FIRST)), tmp_path)
+    baseline = loaded(report(finding("GP302", FIRST)), tmp_path)
     assert baseline.apply(new) == new
 
 
 def test_paths_are_compared_as_paths(tmp_path: Path) -> None:
-    baseline = loaded(report(found("GP302", FIRST), path="./plans//a.xml"), tmp_path)
-    (plan,) = baseline.apply(report(found("GP302", FIRST), path="plans/a.xml")).plans
+    baseline = loaded(report(finding("GP302", FIRST), path="./plans//a.xml"), tmp_path)
+    (plan,) = baseline.apply(report(finding("GP302", FIRST), path="plans/a.xml")).plans
     assert plan.findings == ()
 
 
 def test_each_known_finding_counts_once(tmp_path: Path) -> None:
-    baseline = loaded(report(found("GP302", FIRST), found("GP302", FIRST)), tmp_path)
+    baseline = loaded(report(finding("GP302", FIRST), finding("GP302", FIRST)), tmp_path)
     assert baseline.counts == Counter({("a.xml", "GP302", FIRST): 2})
-    three = tuple(found("GP302", FIRST, line=line) for line in (1, 2, 3))
+    three = tuple(finding("GP302", FIRST, line=line) for line in (1, 2, 3))
     (plan,) = baseline.apply(report(*three)).plans
     assert plan.suppressed == tuple(map(baselined, three[:2]))
     assert plan.findings == three[2:]
@@ -92,7 +92,7 @@ def test_each_known_finding_counts_once(tmp_path: Path) -> None:
 
 
 def test_what_explains_the_exit_code_stays(tmp_path: Path) -> None:
-    old = report(found("GP302", FIRST), found("GP904", "/Plan"), verdict=Verdict.UNDECIDED)
+    old = report(finding("GP302", FIRST), finding("GP904", "/Plan"), verdict=Verdict.UNDECIDED)
     new = loaded(old, tmp_path).apply(old)
     assert [finding.rule for finding in new.plans[0].findings] == ["GP904"]
     assert new.exit_code() == 2

@@ -46,8 +46,8 @@ def test_a_comment_in_a_tree_holds_for_all_uses_of_a_node() -> None:
         '<root BTCPP_format="4"><BehaviorTree ID="Main"><RetryUntilSuccessful num_attempts="2">'
         "{}<Dock/></RetryUntilSuccessful></BehaviorTree></root>"
     )
-    (found,) = [each for each in only(tree.format("")).findings if each.rule == "GP302"]
-    assert found.location.element.endswith("@2")
+    (finding,) = [each for each in only(tree.format("")).findings if each.rule == "GP302"]
+    assert finding.location.element.endswith("@2")
     assert codes(only(tree.format("<!-- gpsfsm: ignore GP302 because it may -->"))) == []
 
 
@@ -107,7 +107,7 @@ def test_backends_that_disagree_are_an_internal_error(monkeypatch: pytest.Monkey
         monkeypatch.undo()
         analyses.cache_clear()
     assert (report.verdict, report.facts) == (Verdict.UNDECIDED, None)
-    (finding,) = [found for found in report.findings if found.rule == "GP903"]
+    (finding,) = [each for each in report.findings if each.rule == "GP903"]
     assert "disagree on 'reachability'" in finding.message
 
 
@@ -185,14 +185,14 @@ def test_every_unreachable_runner_belongs_to_a_finding() -> None:
     report = only(text, assume=["WaypointRunner(x=1) fails"])
     assert report.facts is not None
     assert report.facts.unreachable == ("/Plan/Runner[2]",)
-    (finding,) = [found for found in report.findings if found.rule == "GP301"]
+    (finding,) = [each for each in report.findings if each.rule == "GP301"]
     assert finding.location.element == "/Plan/Runner[2]"
 
 
 def test_what_is_never_triggered_decides_nothing() -> None:
     text = f'<Plan>{GO}<Control type="recovery">{GO.replace("1", "5")}</Control></Plan>'
     report = only(text, faults=["hang"])
-    (stuck,) = [found for found in report.findings if found.rule == "GP306"]
+    (stuck,) = [finding for finding in report.findings if finding.rule == "GP306"]
     assert stuck.scenario is not None
     assert stuck.scenario.outcomes == (("/Plan/Runner[1]", "HANG"),)
 

@@ -31,10 +31,10 @@ def put(*names: str) -> None:
         Path(name).write_text("<Plan/>", encoding="utf-8")
 
 
-def paths(*given: str) -> list[str]:
-    found = list(find_inputs(given))
-    assert not any(each.problem for each in found)
-    return [each.path for each in found]
+def paths(*root: str) -> list[str]:
+    inputs = list(find_inputs(root))
+    assert not any(each.problem for each in inputs)
+    return [each.path for each in inputs]
 
 
 class TestFinding:
@@ -61,8 +61,8 @@ class TestFinding:
 
     def test_an_empty_folder_is_told(self) -> None:
         put("d/a.txt")
-        (found,) = find_inputs(["d"])
-        assert found == Input("d", "is a folder without any *.xml file")
+        (entry,) = find_inputs(["d"])
+        assert entry == Input("d", "is a folder without any *.xml file")
 
     def test_an_empty_path_is_not_the_current_folder(self) -> None:
         put("a.xml")
@@ -84,10 +84,10 @@ class TestFinding:
         put("d/a.xml")
         Path("d/gone.xml").symlink_to("nothing")
         Path("d/self.xml").symlink_to("self.xml")
-        found = {each.path: each.problem for each in find_inputs(["d"])}
-        assert list(found) == ["d/a.xml", "d/gone.xml", "d/self.xml"]
-        assert found["d/gone.xml"].startswith("cannot be read: No such file")
-        assert found["d/self.xml"].startswith("cannot be read: ")
+        actual = {each.path: each.problem for each in find_inputs(["d"])}
+        assert list(actual) == ["d/a.xml", "d/gone.xml", "d/self.xml"]
+        assert actual["d/gone.xml"].startswith("cannot be read: No such file")
+        assert actual["d/self.xml"].startswith("cannot be read: ")
 
     @needs_pipes
     def test_a_pipe_in_a_folder_is_told(self) -> None:
@@ -114,10 +114,10 @@ class TestFinding:
         limit = sys.getrecursionlimit()
         sys.setrecursionlimit(len(inspect.stack(0)) + 50)
         try:
-            found = list(find_inputs(["d"]))
+            inputs = list(find_inputs(["d"]))
         finally:
             sys.setrecursionlimit(limit)
-        assert found == [Input(name, root="d")]
+        assert inputs == [Input(name, root="d")]
 
 
 class TestReading:

@@ -8,7 +8,7 @@ import pytest
 
 import gpsfsm
 from gpsfsm.analysis.constraints import constraints_of
-from gpsfsm.analysis.options import DEFAULT_RLIMIT, AnalysisOptions, Inconclusive
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, AnalysisOptions, InconclusiveError
 from gpsfsm.checking import machine_check
 from gpsfsm.checking.machine_check import ANALYSES, DecidedMachine, decide_machine
 from gpsfsm.compile import compile_plan
@@ -55,18 +55,18 @@ def test_what_an_outcome_that_cannot_occur_would_lead_to_may_be_too_much() -> No
 
 
 def test_a_machine_that_always_gives_up() -> None:
-    found = said("start SUCCEEDED a", "a SUCCEEDED lost", "a FAILED lost")
-    assert found[0] == (
+    message = said("start SUCCEEDED a", "a SUCCEEDED lost", "a FAILED lost")
+    assert message[0] == (
         "error GP305 /machine",
         "this machine gives up in every run",
         ["a at line 1 succeeds"],
     )
-    assert [rule for rule, _, _ in found] == ["error GP305 /machine"]
+    assert [rule for rule, _, _ in message] == ["error GP305 /machine"]
 
 
 def test_a_machine_that_never_completes() -> None:
-    found = said("start SUCCEEDED a", "a SUCCEEDED a", "a FAILED lost")
-    assert found[1][:2] == (
+    message = said("start SUCCEEDED a", "a SUCCEEDED a", "a FAILED lost")
+    assert message[1][:2] == (
         "error GP304 /machine",
         "this machine never completes, whatever happens: every run gives up, "
         "gets stuck or runs for ever",
@@ -97,16 +97,16 @@ def test_a_machine_that_is_stuck() -> None:
 def test_a_hanging_runner_leaves_a_machine_stuck() -> None:
     complete = ("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED end")
     assert said(*complete) == []
-    (found,) = said(*complete, options={"faults": ["hang"]})
-    assert found[0] == "error GP306 /machine"
-    assert found[2][0] == "a at line 1 starts and never ends"
+    (message,) = said(*complete, options={"faults": ["hang"]})
+    assert message[0] == "error GP306 /machine"
+    assert message[2][0] == "a at line 1 starts and never ends"
 
 
 def test_events_that_end_the_run() -> None:
-    found = said(
+    message = said(
         "start SUCCEEDED a", "a SUCCEEDED b", "a FAILED end", "b SUCCEEDED lost", "b FAILED end"
     )
-    assert found == [
+    assert message == [
         (
             "info GP302 /machine/b",
             "1 outcome ends the machine (line 1: nothing handles it); no failure is needed",
@@ -116,11 +116,11 @@ def test_events_that_end_the_run() -> None:
 
 
 def test_what_is_still_active_at_completion() -> None:
-    (found,) = said(
+    (message,) = said(
         *("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED end", "a FAILED end"),
         *("b SUCCEEDED end", "b FAILED end"),
     )[:1]
-    assert found == (
+    assert message == (
         "warning GP311 /machine/a",
         "the machine can complete while a at line 1 is still active",
         [
@@ -151,12 +151,12 @@ FORK = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED j", "b SUCCEEDED 
     ],
 )
 def test_joins_that_wait_for_ever(more: tuple[str, ...], severity: str, then: str) -> None:
-    (found,) = [each for each in said(*FORK, *more, j=2) if "GP303" in each[0]]
-    assert found[0] == f"{severity} GP303 /machine/j"
-    assert found[1] == (
+    (actual,) = [each for each in said(*FORK, *more, j=2) if "GP303" in each[0]]
+    assert actual[0] == f"{severity} GP303 /machine/j"
+    assert actual[1] == (
         f"the join j can receive some of its inputs and wait for the others for ever: {then}"
     )
-    assert found[2][0] in ("a at line 1 succeeds", "b at line 1 succeeds", "a at line 1 fails")
+    assert actual[2][0] in ("a at line 1 succeeds", "b at line 1 succeeds", "a at line 1 fails")
 
 
 def test_long_stories_leave_out_their_middle() -> None:
@@ -165,8 +165,8 @@ def test_long_stories_leave_out_their_middle() -> None:
         for number in range(20)
         for event in ("SUCCEEDED", "FAILED")
     ]
-    (found,) = [each for each in said("start SUCCEEDED r0", *steps) if "GP306" in each[0]]
-    story = found[2]
+    (actual,) = [each for each in said("start SUCCEEDED r0", *steps) if "GP306" in each[0]]
+    story = actual[2]
     assert len(story) == 14
     assert story[6] == "… 9 more steps …"
     assert story[-1] == "nothing more can happen: the machine is stuck"
@@ -423,9 +423,9 @@ def test_what_nothing_triggers_lacks_nothing() -> None:
 def test_undecided_machines_have_names_and_types_all_the_same() -> None:
     starts = (f"start SUCCEEDED r{number}" for number in range(16))
     wide = machine(*starts, "r0 SUCCEEDED r0")
-    found = rules_of(wide, r3=(WAYPOINT, {"x": "far", "y": 1.0}), r4=(WAIT, {}))
-    assert ("GP205", "r3") in found
-    assert ("GP204", "r4") not in found
+    rules = rules_of(wide, r3=(WAYPOINT, {"x": "far", "y": 1.0}), r4=(WAIT, {}))
+    assert ("GP205", "r3") in rules
+    assert ("GP204", "r4") not in rules
 
 
 def test_findings_about_runners_stand_at_their_nodes() -> None:
@@ -472,7 +472,7 @@ def test_overlaps_that_cannot_be_decided_are_said_to_be_open(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def beyond(*_: object) -> None:
-        raise Inconclusive
+        raise InconclusiveError
 
     monkeypatch.setattr("gpsfsm.checking.machine_check.overlap_findings", beyond)
     (report,) = gpsfsm.check(machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")).plans
@@ -488,8 +488,8 @@ def test_what_runs_on_after_the_end_holds_nothing() -> None:
         *("start SUCCEEDED w", "start SUCCEEDED a", "w SUCCEEDED end", "w FAILED end"),
         *("w SUCCEEDED v", "v SUCCEEDED b", "a FAILED a"),
     )
-    found = rules_of(graph, w=(LOOK, {"prompt": "?"}), v=(WAIT, {"seconds": 1.0}), a=go, b=on)
-    assert found == []
+    rules = rules_of(graph, w=(LOOK, {"prompt": "?"}), v=(WAIT, {"seconds": 1.0}), a=go, b=on)
+    assert rules == []
     graph.add_edge("w", "b", event="FAILED")  # it begins at the instant of the end
     assert ("GP501", "a") in rules_of(graph)
 

@@ -47,10 +47,10 @@ def limited(
                 module="tests.cli.limited_run",
             )
         )
-        said, told = process.communicate(timeout=TIMEOUT_S)
-    said, told = said or b"", told or b""
-    assert b"Traceback" not in said + told
-    return subprocess.CompletedProcess(words, process.returncode, said, told)
+        said, errors = process.communicate(timeout=TIMEOUT_S)
+    said, errors = said or b"", errors or b""
+    assert b"Traceback" not in said + errors
+    return subprocess.CompletedProcess(words, process.returncode, said, errors)
 
 
 if __name__ == "__main__":

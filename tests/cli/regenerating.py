@@ -45,7 +45,7 @@ def answers(folder: Path, *texts: str, **more: Any) -> None:
 def statuses(journal: Path) -> list[str]:
     with JournalReader(str(journal)) as reader:
         assert reader.verify_queue()
-        return [str(found.status) for found in reader.runs()]
+        return [str(run.status) for run in reader.runs()]
 
 
 def rows(journal: Path, *kinds: str) -> list[dict[str, object]]:

@@ -66,11 +66,20 @@ def run(
     env: Mapping[str, str] | None = None,
     module: str = "gpsfsm",
 ) -> subprocess.CompletedProcess[bytes]:
-    """``gpsfsm ARGUMENTS…`` (or another module); must end in time and without a traceback."""
+    """``gpsfsm ARGUMENTS…`` (or another module); must end in time and without a traceback.
+
+    What it starts for its own work is forked as well, unless the environment is Python's own.
+    """
     words, around = [*map(str, arguments)], environment(**(env or {}))
     if can_fork(around):
         done = run_forked(
-            words, cwd=cwd, stdin=stdin, environment=around, timeout_s=TIMEOUT_S, module=module
+            words,
+            cwd=cwd,
+            stdin=stdin,
+            environment=around,
+            timeout_s=TIMEOUT_S,
+            module=module,
+            forks=True,
         )
     else:
         done = subprocess.run(
@@ -121,8 +130,8 @@ def shell(command: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
     ``$NEW_GPSFSM`` is a process that the shell itself starts: one that is forked gets none of the
     limits and further files that the shell hands on, and needs its first three files to be open.
     """
-    known = {"$GPSFSM": '"$PROGRAM"', "$NEW_GPSFSM": '"$BEGIN" -m gpsfsm'}
-    for name, words in known.items():
+    replacements = {"$GPSFSM": '"$PROGRAM"', "$NEW_GPSFSM": '"$BEGIN" -m gpsfsm'}
+    for name, words in replacements.items():
         command = command.replace(name, words)
     done = subprocess.run(
         ["sh", "-c", command],

@@ -98,8 +98,8 @@ class Terminal:
         while text not in self.shown:
             assert time.monotonic() < end_s, (text, self.shown[-2000:])
             self._read()
-        found, _, self.shown = self.shown.partition(text)
-        return found
+        before, _, self.shown = self.shown.partition(text)
+        return before
 
     def type(self, keys: str) -> None:
         os.write(self.number, keys.encode())

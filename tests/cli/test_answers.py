@@ -116,9 +116,9 @@ def test_plans_and_answers_are_read_differently(
 def test_bounds_and_files_without_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = lines(tmp_path, *([{"plan": "a"}] * 3))
     monkeypatch.setattr(module, "MOST_LINES", 2)
-    found = list(find_inputs([file]))
-    assert [each.path for each in found] == [f"{file}:1", f"{file}:2", file]
-    assert found[-1].problem == "holds 3 lines; only the first 2 are read"
+    paths = list(find_inputs([file]))
+    assert [each.path for each in paths] == [f"{file}:1", f"{file}:2", file]
+    assert paths[-1].problem == "holds 3 lines; only the first 2 are read"
     empty = lines(tmp_path, name="empty.jsonl")
     assert [each.problem for each in find_inputs([empty])] == ["holds no answer: it is empty"]
     assert "No such file" in next(find_inputs([str(tmp_path / "none.jsonl")])).problem

@@ -52,8 +52,8 @@ def attempts(*arguments: str) -> tuple[int, str, str]:
 def change(column: str, value: object, seq: int, *, link: bool) -> None:
     """Change a row behind the back of gpsfsm; ``link``: as if it had been written so."""
     with closing(sqlite3.connect("run.db")) as database, database:
-        found = database.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")
-        for (name,) in found.fetchall():
+        selected = database.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")
+        for (name,) in selected.fetchall():
             database.execute(f'DROP TRIGGER "{name}"')
         place = COLUMNS.index(column)
         rows = database.execute(f"SELECT {', '.join(COLUMNS)} FROM queue ORDER BY seq").fetchall()  # noqa: S608

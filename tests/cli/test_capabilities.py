@@ -148,11 +148,11 @@ def test_names_of_the_builtin_library_are_known_unless_left_out(arm: Path) -> No
 def test_check_of_nothing_readable(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     write(tmp_path / "bad", {"arm/interfaces/Grasp.yaml": b"\xff"})
-    for path, told in (("nowhere", "No such file"), ("empty", "there is no capability file")):
+    for path, message in (("nowhere", "No such file"), ("empty", "there is no capability file")):
         done = run("capabilities", "check", path)
         assert (done.returncode, done.stdout) == (2, b"")
         assert done.stderr.decode().startswith(f"gpsfsm: {path}: ")
-        assert told in done.stderr.decode()
+        assert message in done.stderr.decode()
     done = run("capabilities", "check", "bad")
     assert done.returncode == 2
     assert done.stdout.decode().startswith("bad/arm/interfaces/Grasp.yaml:1:1: error: this is not")

@@ -174,10 +174,10 @@ class TestLimits:
 
     def test_a_limit_of_energy(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         describe(tmp_path / "hungry", ENERGY)
-        for limit, code, found in (("3", 0, ["GP302"]), ("2.5", 1, ["GP503", "GP302"])):
+        for limit, code, expected in (("3", 0, ["GP302"]), ("2.5", 1, ["GP503", "GP302"])):
             options = ["--capabilities", "hungry", "--energy-limit", limit]
             (plan,) = checked("a.xml", *options, code=code, capsys=capsys)
-            assert codes(plan) == found
+            assert codes(plan) == expected
 
     @pytest.mark.parametrize(
         ("option", "name"), [("--deadline", "deadline"), ("--energy-limit", "energy limit")]

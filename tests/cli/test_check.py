@@ -118,11 +118,11 @@ def test_options_reach_the_check(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def test_consistent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=f'<Plan>{runner()}<Control type="recovery">{runner()}</Control></Plan>')
-    found = {}
+    actual = {}
     for option in ("--no-consistent", "--consistent"):
         (plan,) = checked("a.xml", option, code=0, capsys=capsys)
-        found[option] = [each["severity"] for each in plan["findings"] if each["rule"] == "GP309"]
-    assert found == {"--no-consistent": ["info"], "--consistent": ["warning"]}
+        actual[option] = [each["severity"] for each in plan["findings"] if each["rule"] == "GP309"]
+    assert actual == {"--no-consistent": ["info"], "--consistent": ["warning"]}
 
 
 def test_codes_may_be_joined_and_repeated(

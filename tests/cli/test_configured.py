@@ -116,8 +116,8 @@ def test_paths_in_a_file_are_relative_to_it(
     configure('baseline = "known.json"', tmp_path)
     out = shown(["check", "a.xml"], capsys)
     assert "suppressed" in out
-    known = f'baseline = "{tmp_path}/known.json"'
-    assert f"(1 error) hidden by {known} in {tmp_path}/gpsfsm.toml" in out
+    text = f'baseline = "{tmp_path}/known.json"'
+    assert f"(1 error) hidden by {text} in {tmp_path}/gpsfsm.toml" in out
     assert main(["check", "a.xml", "--no-baseline"]) == 1
     assert "GP307" in capsys.readouterr().out
 
@@ -174,7 +174,7 @@ def test_values_are_explained(
 EXCUSED = REJECTED.replace(
     "<Control", "<!-- gpsfsm: ignore GP307 because the planner knows better --><Control"
 )
-TOLD = {
+NOTES = {
     "text": "\nnote: {}\n",
     "json": None,
     "sarif": '"level": "note", "message": {{"text": "{}"}}',
@@ -190,7 +190,7 @@ TOLD = {
 class TestWhatAFileTakesAway:
     """A report names every setting without which it would say more."""
 
-    @pytest.mark.parametrize("name", TOLD)
+    @pytest.mark.parametrize("name", NOTES)
     def test_in_every_format(
         self, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
@@ -215,7 +215,7 @@ class TestWhatAFileTakesAway:
             (invocation,) = json.loads(out)["runs"][0]["invocations"]
             (notice,) = invocation["toolConfigurationNotifications"]
             assert notice["message"]["text"] == said
-        elif (form := TOLD[name]) is not None:
+        elif (form := NOTES[name]) is not None:
             assert form.format(said) in out
         elif name == "markdown":
             assert "1 finding (1 error) hidden by ignore" in out
@@ -351,8 +351,8 @@ class TestCommentsInAPlan:
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         write(tmp_path, a=EXCUSED)
-        known = shown(["check", "a.xml", "--format", "json"], capsys, 1)
-        (tmp_path / "known.json").write_text(known, encoding="utf-8")
+        text = shown(["check", "a.xml", "--format", "json"], capsys, 1)
+        (tmp_path / "known.json").write_text(text, encoding="utf-8")
         assert main(["check", "a.xml", "--baseline", "known.json"]) == 0
 
 

@@ -19,16 +19,16 @@ _WRITTEN = re.compile(r"\[default: ([0-9][0-9_.,]*)\]")
 
 def options() -> list[Any]:
     context = group.make_context("gpsfsm", ["check"])
-    found = []
+    defaults = []
     for name in group.list_commands(context):
         command = group.get_command(context, name)
         assert command is not None
-        found += [
+        defaults += [
             pytest.param(each, id=f"{name} {each.opts[0]}")
             for each in command.params
             if isinstance(each, click.Option)
         ]
-    return found
+    return defaults
 
 
 OPTIONS = options()

@@ -110,8 +110,8 @@ def test_assumptions_of_the_configuration_file(
     write(tmp_path, a=GUARDED, b=NESTED)
     Path("gpsfsm.toml").write_text('assume = ["never fails: WaypointRunner"]\n', encoding="utf-8")
     assert main(["diff", "a.xml", "b.xml"]) == 0
-    told = 'gpsfsm: decided with assume = ["never fails: WaypointRunner"] in gpsfsm.toml\n'
-    assert capsys.readouterr().err == told
+    text = 'gpsfsm: decided with assume = ["never fails: WaypointRunner"] in gpsfsm.toml\n'
+    assert capsys.readouterr().err == text
     said("--isolated", "a.xml", "b.xml", capsys=capsys, code=1)
 
 
@@ -159,10 +159,10 @@ def test_a_tree_and_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 def test_a_scenario_that_may_not_be_the_first_is_called_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = equivalence.compare
+    compare = equivalence.compare
 
     def longer(*plans: Plan, **options: Any) -> Difference | None:
-        difference = found(*plans, **options)
+        difference = compare(*plans, **options)
         return None if difference is None else difference.perhaps_not_first()
 
     monkeypatch.setattr(equivalence, "compare", longer)

@@ -39,9 +39,9 @@ WAITS = f"""<Plan>
 
 
 def shown(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> str:
-    found = main(list(arguments))
+    exit_code = main(list(arguments))
     out, err = capsys.readouterr()
-    assert found == code, (found, out, err)
+    assert exit_code == code, (exit_code, out, err)
     return err if code else out
 
 
@@ -71,8 +71,8 @@ def test_the_run_of_a_number(journal: str, capsys: pytest.CaptureFixture[str]) -
     assert "seed 1  drawn  a.xml" in listed[0]
     first = shown("events", journal, "--run", "1", capsys=capsys)
     assert first != shown("events", journal, capsys=capsys)
-    told = shown("events", journal, "--run", "3", capsys=capsys, code=2)
-    assert told == "gpsfsm: there is no run 3 in run.db; it holds runs 1 to 2\n"
+    text = shown("events", journal, "--run", "3", capsys=capsys, code=2)
+    assert text == "gpsfsm: there is no run 3 in run.db; it holds runs 1 to 2\n"
 
 
 def test_lines_of_json_are_what_run_writes(
@@ -109,9 +109,9 @@ def test_what_is_no_journal(
 
 
 def test_a_replay(journal: str, capsys: pytest.CaptureFixture[str]) -> None:
-    told = shown("replay", journal, "--run", "1", capsys=capsys)
+    text = shown("replay", journal, "--run", "1", capsys=capsys)
     assert re.fullmatch(
-        r"run 1 \(\w+\): replayed and simulated again; all \d+ events are the same\n", told
+        r"run 1 \(\w+\): replayed and simulated again; all \d+ events are the same\n", text
     )
 
 
@@ -130,8 +130,8 @@ def test_a_replay_that_differs(
     """As with another version of gpsfsm, whose runners draw otherwise."""
     monkeypatch.setattr("gpsfsm.simulation.makers._USUAL_S", (2.0, 11.0))
     monkeypatch.setattr("gpsfsm.simulation.makers._bounds", lambda *_: (2.0, 11.0))
-    told = shown("replay", journal, capsys=capsys, code=1)
-    assert "the replay differs from the journal at event" in told
+    text = shown("replay", journal, capsys=capsys, code=1)
+    assert "the replay differs from the journal at event" in text
 
 
 def test_a_run_that_has_ended_is_not_touched(
@@ -249,7 +249,7 @@ def test_what_is_before_the_damage_is_shown(
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "message"),
     [
         (("kernel", "1"), "whose rules differ from those of this gpsfsm"),
         (("kernel", "true"), r"(kernel True)"),
@@ -259,7 +259,7 @@ def test_what_is_before_the_damage_is_shown(
 )
 def test_another_version(
     changed: tuple[str, str],
-    told: str,
+    message: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -276,7 +276,7 @@ def test_another_version(
         main(["run", "a.xml", "--seed", "3", "--journal", "run.db", "--durability", "none"])
     capsys.readouterr()
     assert main(["replay", "run.db"]) == (0 if name == "version" else 2)
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_run_of_another_kernel_is_not_resumed(tmp_path: Path) -> None:
@@ -329,9 +329,9 @@ def test_the_queue_as_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     for journal in ("run.db", "again.db"):
         main(["run", "a.xml", "--journal", journal, "--durability", "none"])
     capsys.readouterr()
-    found = shown("events", "run.db", "--queue", "--format", "jsonl", capsys=capsys)
-    assert found == shown("events", "again.db", "--queue", "--format", "jsonl", capsys=capsys)
-    rows = [json.loads(line) for line in found.splitlines()]
+    text = shown("events", "run.db", "--queue", "--format", "jsonl", capsys=capsys)
+    assert text == shown("events", "again.db", "--queue", "--format", "jsonl", capsys=capsys)
+    rows = [json.loads(line) for line in text.splitlines()]
     assert [row["kind"] for row in rows] == ["SUBMITTED", "BEGUN", "RUN", "ENDED"]
     assert rows[0]["data"]["text"] == WAITS
     assert [row["seq"] for row in rows] == [1, 2, 3, 4]
@@ -340,15 +340,15 @@ def test_the_queue_as_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     )
     assert all("wall_us" in json.loads(line) for line in walled.splitlines())
     for other in (["--list"], ["--format", "svg"]):
-        told = shown("events", "run.db", "--queue", *other, capsys=capsys, code=2)
-        assert f"--queue and {' '.join(other)} cannot be used together" in told
+        output = shown("events", "run.db", "--queue", *other, capsys=capsys, code=2)
+        assert f"--queue and {' '.join(other)} cannot be used together" in output
 
 
 def test_a_journal_without_a_queue(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run_journaled(tmp_path / "run.db")
     for arguments in ([], ["--run", "1"]):
-        told = shown("events", "run.db", "--queue", *arguments, capsys=capsys, code=2)
-        assert told.startswith("gpsfsm: run.db: there is no plan queue")
+        text = shown("events", "run.db", "--queue", *arguments, capsys=capsys, code=2)
+        assert text.startswith("gpsfsm: run.db: there is no plan queue")
 
 
 def test_a_journal_that_no_command_has_written(
@@ -357,7 +357,7 @@ def test_a_journal_that_no_command_has_written(
     """As a program in Python may, without a table of capabilities."""
     run_journaled("run.db")
     for command in ("events", "replay"):
-        told = shown(command, "run.db", capsys=capsys, code=2)
-        assert told.startswith("gpsfsm: run.db: run 1 has no table of capabilities")
-        assert "defect" not in told
+        text = shown(command, "run.db", capsys=capsys, code=2)
+        assert text.startswith("gpsfsm: run.db: run 1 has no table of capabilities")
+        assert "defect" not in text
     assert '"kind":"ENDED"' in shown("events", "run.db", "--format", "jsonl", capsys=capsys)

@@ -78,8 +78,8 @@ def test_without_the_library_it_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     assert main([*COMMAND, "--output-file", "run.mcap"]) == 2
-    told = "gpsfsm: --format mcap needs mcap: pip install 'gpsfsm[mcap]'\n"
-    assert capsys.readouterr().err == told
+    text = "gpsfsm: --format mcap needs mcap: pip install 'gpsfsm[mcap]', or '.[mcap]' in a clone\n"
+    assert capsys.readouterr().err == text
     assert main(["events", "run.db"]) == 0  # which needs none of it
 
 

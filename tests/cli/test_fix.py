@@ -14,7 +14,7 @@ import pytest
 from tests.cli.support import ACCEPTED, REJECTED, environment, run, runner, write
 
 _DAMAGED = ACCEPTED.replace('"2"', "2").replace("<Plan>", '<Plan speed="3">')
-_TOLD = (
+_FIXES = (
     "a.xml:1: GP112 ineffective 'speed' removed\n"
     "a.xml:2: GP101 syntax of <Runner> corrected\n"
     "2 fixes in 1 plan; findings: 3 before, 1 after\n"
@@ -29,7 +29,7 @@ def test_a_file_is_fixed_in_place(tmp_path: Path) -> None:
     write(tmp_path, a=_DAMAGED)
     Path("a.xml").chmod(0o640)
     done = run("fix", "a.xml", cwd=tmp_path)
-    assert (done.returncode, done.stdout.decode(), done.stderr) == (0, _TOLD, b"")
+    assert (done.returncode, done.stdout.decode(), done.stderr) == (0, _FIXES, b"")
     assert _read("a.xml") == ACCEPTED
     assert stat.S_IMODE(Path("a.xml").stat().st_mode) == 0o640
     assert [file.name for file in tmp_path.iterdir()] == ["a.xml"]
@@ -48,11 +48,11 @@ def test_what_remains_is_told(tmp_path: Path) -> None:
     write(tmp_path, a=REJECTED)
     done = run("fix", "a.xml", cwd=tmp_path)
     assert done.returncode == 1
-    told = done.stdout.decode()
-    assert told.startswith(
+    decoded = done.stdout.decode()
+    assert decoded.startswith(
         "a.xml: 1 more fix is possible with --unsafe-fixes\na.xml:2:3: error GP307"
     )
-    assert told.endswith("nothing to fix; 1 finding remains\n")
+    assert decoded.endswith("nothing to fix; 1 finding remains\n")
     assert _read("a.xml") == REJECTED
     done = run("fix", "a.xml", "--unsafe-fixes", cwd=tmp_path)
     assert done.returncode == 0
@@ -67,7 +67,7 @@ def test_the_difference_can_be_applied(tmp_path: Path) -> None:
     done = run("fix", "--diff", "a.xml", cwd=tmp_path)
     assert done.returncode == 1
     assert _read("a.xml") == _DAMAGED.rstrip("\n")
-    assert done.stderr.decode() == _TOLD.replace("plan;", "plan would be made;")
+    assert done.stderr.decode() == _FIXES.replace("plan;", "plan would be made;")
     lines = done.stdout.decode().splitlines()
     assert lines[:2] == ["--- a.xml", "+++ a.xml"]
     subprocess.run(["git", "init", "-q"], check=True, cwd=tmp_path)

@@ -54,9 +54,9 @@ def test_the_field_holds_the_repaired_plan(
     assert first.endswith(', "z": [1000.0]}')
     assert second == good
     assert json.loads(third) == {"plan": ACCEPTED}
-    told = err.splitlines()
-    assert told[0] == "answers.jsonl:1:3: GP115 plan extracted from the text around it"
-    assert "answers.jsonl:3:2: GP101 syntax of <Runner> corrected" in told
+    message = err.splitlines()
+    assert message[0] == "answers.jsonl:1:3: GP115 plan extracted from the text around it"
+    assert "answers.jsonl:3:2: GP101 syntax of <Runner> corrected" in message
     assert file.read_bytes() == before
 
 

@@ -68,8 +68,8 @@ def test_what_is_found_is_told_like_a_finding(capsys: pytest.CaptureFixture[str]
         capsys=capsys, code=1,
     )  # fmt: skip
     first, *_, last = out.splitlines()
-    told = "A at line 2 column 32 is still active when the plan completes"
-    assert first == f"orphan.xml:2:32: warning fuzz no-orphan: {told}"
+    text = "A at line 2 column 32 is still active when the plan completes"
+    assert first == f"orphan.xml:2:32: warning fuzz no-orphan: {text}"
     assert "   | (element /Plan/Control[1]/Runner[1])\n" in out
     assert (
         "= scenario in which the plan completes:\n     1. 0 s: A at line 2 column 32 starts\n"
@@ -87,8 +87,8 @@ def test_as_data(capsys: pytest.CaptureFixture[str]) -> None:
     assert {one["name"]: one["broken"] for one in data["properties"]} == {
         **{"ends": 1, "no-orphan": 2, "no-overlap": 0, "replays": 0}
     }
-    assert {found["name"] for found in data["findings"]} == {"ends", "no-orphan"}
-    assert all(found["scenario"]["story"] for found in data["findings"])
+    assert {each["name"] for each in data["findings"]} == {"ends", "no-orphan"}
+    assert all(each["scenario"]["story"] for each in data["findings"])
 
 
 def test_a_corpus_is_kept_and_played_first(capsys: pytest.CaptureFixture[str]) -> None:
@@ -115,8 +115,8 @@ def test_a_case_is_played_again_without_the_plan(capsys: pytest.CaptureFixture[s
     assert "orphan.xml: 1 run, seed 0\n  broken (1 kind): ends" in out
     mended = plan(control("parallel_any", go("A"), go("B")), control("recovery", go("C")))
     Path("mended.xml").write_text(mended)
-    told = complained("safe.xml", "--replay", str(case), capsys=capsys)
-    assert "the case does not fit safe.xml" in told
+    output = complained("safe.xml", "--replay", str(case), capsys=capsys)
+    assert "the case does not fit safe.xml" in output
     assert main(["run", "mended.xml", "--scenario", str(case), "--format", "plain"]) in (0, 1)
 
 
@@ -128,8 +128,8 @@ def test_a_function_is_imported_only_if_it_is_asked_for(
     out = said("safe.xml", *options, capsys=capsys, code=1)
     assert f"error fuzz {name}: something fails" in out
     (case,) = Path("cases").glob("*.json")
-    told = complained("--replay", str(case), capsys=capsys)
-    assert f"if you trust it, name it with --property {name}" in told
+    output = complained("--replay", str(case), capsys=capsys)
+    assert f"if you trust it, name it with --property {name}" in output
     said("--replay", str(case), "--property", name, capsys=capsys, code=1)
 
 
@@ -167,7 +167,7 @@ def test_mutants(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         ((), "no plan is given"),
         (("missing.xml",), "missing.xml: cannot be read"),
@@ -197,9 +197,9 @@ def test_mutants(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_what_cannot_be_done_is_told(
-    arguments: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+    arguments: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert told in complained(*arguments, capsys=capsys)
+    assert message in complained(*arguments, capsys=capsys)
 
 
 def test_the_bytes_do_not_depend_on_the_jobs(capsys: pytest.CaptureFixture[str]) -> None:
@@ -213,14 +213,14 @@ def test_the_bytes_do_not_depend_on_the_jobs(capsys: pytest.CaptureFixture[str])
         (("safe.xml", "--mutate", "--task", "task.yaml"), 0),
     ):
         corpus = () if "--mutate" in arguments else ("--corpus", "folder")
-        found = []
+        actual = []
         for jobs in ("1", "2"):
             for case in Path("folder").iterdir():
                 case.unlink()
             out = said(*arguments, *corpus, "--jobs", jobs, capsys=capsys, code=code)
             cases = {case.name: case.read_bytes() for case in Path("folder").iterdir()}
-            found.append((out, cases))
-        assert found[0] == found[1]
+            actual.append((out, cases))
+        assert actual[0] == actual[1]
 
 
 def test_what_is_assumed_never_fails_is_found_to_hold(capsys: pytest.CaptureFixture[str]) -> None:
@@ -247,8 +247,8 @@ def test_assumptions_make_mutants_equal(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_an_engine_of_the_settings_is_not_passed_over(capsys: pytest.CaptureFixture[str]) -> None:
     Path("gpsfsm.toml").write_text('engine = "fabric-v2"\n')
-    told = complained("safe.xml", capsys=capsys)
-    assert "fuzz runs plans by the paper's semantics, not as fabric-v2 does" in told
+    output = complained("safe.xml", capsys=capsys)
+    assert "fuzz runs plans by the paper's semantics, not as fabric-v2 does" in output
     said("safe.xml", "--engine", "paper", "--runs", "3", capsys=capsys, code=0)
 
 

@@ -62,24 +62,24 @@ def gate(
     *arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0, errors: bool = False
 ) -> str:
     assert main(["gate", *arguments]) == code
-    found = capsys.readouterr()
-    assert (found.err != "") == errors
-    return found.err if errors else found.out
+    output = capsys.readouterr()
+    assert (output.err != "") == errors
+    return output.err if errors else output.out
 
 
 @pytest.mark.usefixtures("here")
 def test_the_verdict_is_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=ACCEPTED, b=REJECTED, c=BROKEN, d="<Plan/>")
     assert gate("a.xml", capsys=capsys) == f"a.xml: {ALONE}\n"
-    told = gate("b.xml", capsys=capsys, code=1)
-    assert told.splitlines()[0].startswith("b.xml:2:3: error GP307 ")
-    assert told.splitlines()[1:] == ["b.xml: rejected: findings: 1 finding of level error or worse"]
+    text = gate("b.xml", capsys=capsys, code=1)
+    assert text.splitlines()[0].startswith("b.xml:2:3: error GP307 ")
+    assert text.splitlines()[1:] == ["b.xml: rejected: findings: 1 finding of level error or worse"]
     assert "rejected: findings" in gate("c.xml", capsys=capsys, code=1)
     assert "rejected: empty" in gate("d.xml", capsys=capsys, code=1)
     assert gate("d.xml", "--allow-empty", capsys=capsys) == f"d.xml: {ALONE}\n"
-    told = gate("a.xml", "missing.xml", "b.xml", capsys=capsys, code=2)
-    assert "missing.xml: undecided: unreadable: cannot be read: No such file or directory" in told
-    assert told.endswith("3 plans: 1 accepted, 1 rejected, 1 undecided\n")
+    text = gate("a.xml", "missing.xml", "b.xml", capsys=capsys, code=2)
+    assert "missing.xml: undecided: unreadable: cannot be read: No such file or directory" in text
+    assert text.endswith("3 plans: 1 accepted, 1 rejected, 1 undecided\n")
 
 
 @pytest.mark.usefixtures("here")
@@ -94,12 +94,12 @@ def test_what_takes_too_long_is_refused_and_the_others_are_decided(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path, a=HUGE, b="<Plan>", c="<Plan")
-    told = gate("a.xml", "--budget-ms", "1", capsys=capsys, code=2)
+    text = gate("a.xml", "--budget-ms", "1", capsys=capsys, code=2)
     line = "a.xml: undecided: inconclusive: the plan is undecided after 1 ms (--budget-ms)"
-    assert line in told.splitlines()
-    told = gate(".", "--budget-ms", "400", capsys=capsys, code=2)
-    assert "a.xml: undecided: inconclusive" in told
-    assert "b.xml: rejected: findings" in told
+    assert line in text.splitlines()
+    text = gate(".", "--budget-ms", "400", capsys=capsys, code=2)
+    assert "a.xml: undecided: inconclusive" in text
+    assert "b.xml: rejected: findings" in text
     assert (_BUDGET_MS, _MAX_BUDGET_MS) == (DEFAULT_BUDGET_MS, MAX_BUDGET_MS)
     assert (_MEMORY_MB, _LEAST_MEMORY_MB) == (DEFAULT_MEMORY_MB, LEAST_MEMORY_MB)
 
@@ -107,8 +107,8 @@ def test_what_takes_too_long_is_refused_and_the_others_are_decided(
 @pytest.mark.usefixtures("here")
 def test_a_limit_of_steps_is_a_refusal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=f"<Plan>{runner()}{runner()}</Plan>")
-    told = gate("a.xml", "--consistent", "--total-rlimit", "1", capsys=capsys, code=2)
-    assert "a.xml: undecided: inconclusive" in told
+    text = gate("a.xml", "--consistent", "--total-rlimit", "1", capsys=capsys, code=2)
+    assert "a.xml: undecided: inconclusive" in text
 
 
 @pytest.mark.usefixtures("here")
@@ -142,8 +142,8 @@ def test_what_comments_excuse_is_told(
         f"{line}\na.xml: {ALONE}, 1 finding suppressed by comments\n"
     )
     (plan,) = receipt(capsys, "a.xml", *words)["plans"]
-    (told,) = plan["suppressed_findings"]
-    assert (told["rule"], told["justification"]) == ("GP307", "I say so")
+    (message,) = plan["suppressed_findings"]
+    assert (message["rule"], message["justification"]) == ("GP307", "I say so")
     for name in ("junit", "markdown", "github"):
         assert "I say so" in gate("a.xml", *words, "--format", name, capsys=capsys)
     refused = gate("b.xml", "--fail-on", "warning", *words, capsys=capsys, code=1)
@@ -161,8 +161,8 @@ def test_a_configuration_file_that_is_named_counts(
     (tmp_path / "lax.toml").write_text('fail-on = "never"\n', "utf-8")
     assert "GP203" in gate("a.xml", "--config", "strict.toml", capsys=capsys, code=1)
     gate("a.xml", "--config", "strict.toml", "--fail-on", "error", capsys=capsys)
-    told = gate("a.xml", "--config", "lax.toml", capsys=capsys, code=2, errors=True)
-    assert "'fail-on' must be error or warning for a gate" in told
+    text = gate("a.xml", "--config", "lax.toml", capsys=capsys, code=2, errors=True)
+    assert "'fail-on' must be error or warning for a gate" in text
     gate("a.xml", "--config", "missing.toml", capsys=capsys, code=2, errors=True)
 
 
@@ -177,9 +177,9 @@ def test_a_file_that_may_not_be_read_does_not_keep_others_from_being_decided(
     if os.geteuid() == 0:  # who may read everything
         assert gate("a.xml", "b.xml", capsys=capsys).endswith("2 plans: 2 accepted\n")
         return
-    told = gate("a.xml", "b.xml", capsys=capsys, code=2)
-    assert f"a.xml: {ALONE}\n" in told
-    assert "b.xml: undecided: unreadable: cannot be read: Permission denied\n" in told
+    text = gate("a.xml", "b.xml", capsys=capsys, code=2)
+    assert f"a.xml: {ALONE}\n" in text
+    assert "b.xml: undecided: unreadable: cannot be read: Permission denied\n" in text
 
 
 @pytest.mark.usefixtures("here")
@@ -205,9 +205,9 @@ def test_a_task_may_name_plans_and_trees_that_are_no_answers(
     task = "task: Go.\nactions:\n  go: {interface: Go}\nsteps:\n  - do: go\nothers: allowed\n"
     task += f"not_answers: [{example}]\n"
     (tmp_path / "task.yaml").write_text(task, "utf-8")
-    told = gate("a.xml", "--task", "task.yaml", capsys=capsys, code=1)
-    assert "GP601" in told
-    assert ("GP609" in told) == (example == "a.xml")
+    text = gate("a.xml", "--task", "task.yaml", capsys=capsys, code=1)
+    assert "GP601" in text
+    assert ("GP609" in text) == (example == "a.xml")
 
 
 @pytest.mark.usefixtures("here")
@@ -217,8 +217,8 @@ def test_a_task_and_an_engine_count(tmp_path: Path, capsys: pytest.CaptureFixtur
     (tmp_path / "task.yaml").write_text(task, "utf-8")
     assert "GP601" in gate("a.xml", "--task", "task.yaml", capsys=capsys, code=1)
     gate("a.xml", "--task", "missing.yaml", capsys=capsys, code=2, errors=True)
-    told = gate("a.xml", "--engine", "fabric-v2", "--format", "json", capsys=capsys, code=1)
-    (plan,) = json.loads(told)["plans"]
+    text = gate("a.xml", "--engine", "fabric-v2", "--format", "json", capsys=capsys, code=1)
+    (plan,) = json.loads(text)["plans"]
     assert plan["facts"]["engine"]["name"] == "fabric-v2"
     assert plan["facts"]["engine"]["hangs"] == "sometimes"
     assert {each["rule"] for each in plan["findings"]} == {"GP708"}
@@ -232,8 +232,8 @@ def test_one_decision_is_written_in_several_formats(
     (tmp_path / "summary.md").write_text("before\n", "utf-8")
     names = ("json", "sarif", "junit", "gitlab", "github")
     reports = [word for name in names for word in ("--report", f"{name}={name}.out")]
-    told = gate("a.xml", "b.xml", *reports, "--summary", "summary.md", capsys=capsys, code=1)
-    assert told.endswith("2 plans: 1 accepted, 1 rejected\n")
+    text = gate("a.xml", "b.xml", *reports, "--summary", "summary.md", capsys=capsys, code=1)
+    assert text.endswith("2 plans: 1 accepted, 1 rejected\n")
     receipt = json.loads(Path("json.out").read_text("utf-8"))
     assert [each["verdict"] for each in receipt["plans"]] == ["accepted", "rejected"]
     assert receipt["accepted"] is False
@@ -251,7 +251,7 @@ def test_one_decision_is_written_in_several_formats(
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         (("--report", "sarif"), "--report takes NAME=FILE"),
         (("--report", "=x"), "there is no format ''"),
@@ -270,11 +270,11 @@ def test_one_decision_is_written_in_several_formats(
     ],
 )
 def test_what_makes_no_sense_is_told_and_nothing_is_accepted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], told: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], message: str
 ) -> None:
     write(tmp_path, a=ACCEPTED)
     assert main(["gate", "a.xml", *options]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert Path("a.xml").read_text("utf-8") == ACCEPTED
 
 
@@ -292,12 +292,12 @@ def test_a_receipt_tells_the_plan_that_was_accepted(
     receipt(capsys, "a.xml", "b.xml", code=1)
     verify = ("--verify", "receipt.json")
     assert gate("a.xml", *verify, capsys=capsys) == "a.xml: as accepted\n"
-    told = gate("b.xml", *verify, capsys=capsys, code=1)
-    assert told == "b.xml: not as accepted: the plan is another one\n"
-    told = gate("a.xml", *verify, "--fail-on", "warning", capsys=capsys, code=1)
-    assert told == "a.xml: not as accepted: the options are others\n"
-    told = gate("a.xml", *verify, "--no-builtin-capabilities", capsys=capsys, code=1)
-    assert told == "a.xml: not as accepted: the capabilities are others\n"
+    text = gate("b.xml", *verify, capsys=capsys, code=1)
+    assert text == "b.xml: not as accepted: the plan is another one\n"
+    text = gate("a.xml", *verify, "--fail-on", "warning", capsys=capsys, code=1)
+    assert text == "a.xml: not as accepted: the options are others\n"
+    text = gate("a.xml", *verify, "--no-builtin-capabilities", capsys=capsys, code=1)
+    assert text == "a.xml: not as accepted: the capabilities are others\n"
     assert gate("a.xml", *verify, "--budget-ms", "7", capsys=capsys) == "a.xml: as accepted\n"
     gate("a.xml", "missing.xml", *verify, capsys=capsys, code=2)
     write(tmp_path, a=ACCEPTED.replace("Plan>\n", "Plan> \n", 1))
@@ -329,17 +329,17 @@ def test_a_receipt_of_another_version_accepts_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path, a=ACCEPTED)
-    found = receipt(capsys, "a.xml")
-    digests = found["plans"][0]["digests"]
+    accepted_plans = receipt(capsys, "a.xml")
+    digests = accepted_plans["plans"][0]["digests"]
     assert set(digests) == {"plan", "capabilities", "options", "version", "all"}
     digests["version"] = "0.0.0"
     changed = dict(digests)
-    for name, told in (("all", "this is another version"), ("version", "contradicts itself")):
+    for name, message in (("all", "this is another version"), ("version", "contradicts itself")):
         digests |= (
             changed | {"all": "0"} | ({"version": gpsfsm.__version__} if name == "version" else {})
         )
-        Path("receipt.json").write_text(json.dumps(found), "utf-8")
-        assert told in gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=1)
+        Path("receipt.json").write_text(json.dumps(accepted_plans), "utf-8")
+        assert message in gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=1)
 
 
 @pytest.mark.parametrize(
@@ -353,21 +353,21 @@ def test_what_is_no_receipt_accepts_nothing(
     Path("receipt.json").write_text(content, "utf-8")
     gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=2, errors=True)
     if content.endswith('"plans": []}'):
-        told = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=2, errors=True)
-        assert "version 1, of an earlier gpsfsm" in told
-        assert "decide again with 'gpsfsm gate --format json'" in told
+        text = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=2, errors=True)
+        assert "version 1, of an earlier gpsfsm" in text
+        assert "decide again with 'gpsfsm gate --format json'" in text
     Path("receipt.json").write_text('{"version": 2, "plans": []}', "utf-8")
-    told = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=1)
-    assert told == "a.xml: not as accepted: no plan was accepted\n"
+    text = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=1)
+    assert text == "a.xml: not as accepted: no plan was accepted\n"
 
 
 def test_the_output_is_the_same_in_every_process(tmp_path: Path) -> None:
     write(tmp_path, a=ACCEPTED, b=REJECTED)
-    told = {
+    output = {
         run("gate", "a.xml", "b.xml", "--format", "json", env={"PYTHONHASHSEED": seed}).stdout
         for seed in ("1", "2")
     }
-    assert len(told) == 1
+    assert len(output) == 1
 
 
 def test_standard_input_and_prose_are_read(tmp_path: Path) -> None:
@@ -387,10 +387,10 @@ def test_to_ignore_warnings_that_refuse_nothing_is_refused(
     plan = str(tmp_path / "a.xml")
     Path(plan).write_text(ACCEPTED)
     assert main(["gate", plan, "--ignore", "GP111,GP203"]) == 2
-    told = capsys.readouterr()
-    assert not told.out
-    assert "--ignore has no effect on a gate that lets warnings pass" in told.err
-    assert "add --fail-on warning" in told.err
+    output = capsys.readouterr()
+    assert not output.out
+    assert "--ignore has no effect on a gate that lets warnings pass" in output.err
+    assert "add --fail-on warning" in output.err
     assert main(["gate", plan, "--ignore", "GP302", "--fail-on", "warning"]) == 0
     (tmp_path / "shared.toml").write_text('ignore = ["GP111"]\n')  # it is for check as well
     assert main(["gate", plan, "--config", str(tmp_path / "shared.toml")]) == 0

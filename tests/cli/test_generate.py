@@ -40,8 +40,8 @@ def kept(*arguments: str) -> list[dict[str, Any]]:
     """The sessions of the journal."""
     done = run("attempts", *arguments, "--format", "json")
     assert done.returncode == 0, done.stderr.decode()
-    found: list[dict[str, Any]] = json.loads(done.stdout)["sessions"]
-    return found
+    sessions: list[dict[str, Any]] = json.loads(done.stdout)["sessions"]
+    return sessions
 
 
 @pytest.fixture(autouse=True)
@@ -58,11 +58,11 @@ def _no_key_is_kept() -> Iterator[None]:
 def test_the_plan_that_is_accepted_is_all_that_comes_out() -> None:
     code, out, err = generate("--model", replay(REJECTED, f"Here you are:\n{ACCEPTED}\nBye!"))
     assert (code, out) == (0, ACCEPTED)
-    told = err.splitlines()
-    assert told[0].startswith("asking replay:answers.jsonl: about ")
-    assert told[1].startswith("attempt 1: rejected, 1 error (GP307); ")
-    assert told[2].startswith("attempt 2: accepted; ")
-    assert told[3] == "accepted (2 answers)"
+    lines = err.splitlines()
+    assert lines[0].startswith("asking replay:answers.jsonl: about ")
+    assert lines[1].startswith("attempt 1: rejected, 1 error (GP307); ")
+    assert lines[2].startswith("attempt 2: accepted; ")
+    assert lines[3] == "accepted (2 answers)"
     (session,) = kept()
     assert session["accepted"]
     assert [each["plan"] for each in session["attempts"]] == [REJECTED.strip(), ACCEPTED.strip()]
@@ -198,7 +198,7 @@ def test_a_follow_up_tells_what_is_wrong_and_speakers_take_turns() -> None:
             *("--model", "vllm:tiny", "--base-url", server.url, "--attempts", "4"),
             "--no-constrain",
         )
-        turns = [asked.body["messages"] for asked in server.asked]
+        turns = [request.body["messages"] for request in server.received]
     assert code == 0, err
     for messages in turns:
         roles = [message["role"] for message in messages]
@@ -217,25 +217,25 @@ def test_everything_fits_into_a_small_context(context: int) -> None:
             *("--model", "vllm:tiny", "--base-url", server.url, "--context", str(context)),
             "--no-constrain",
         )
-        asked = [each.body for each in server.asked]
+        requests = [each.body for each in server.received]
     assert code == 0, err
     most = min(4096, context // 3)
-    for body in asked:
+    for body in requests:
         assert body["max_tokens"] == most
         texts = [message["content"] for message in body["messages"]]
         assert conversation_tokens(texts) + most <= context
     assert f"note: an answer may have {most:,} tokens, a third of the context\n" in err
     without = "asked without its earlier answer" in err
-    assert without == (len(asked[1]["messages"]) == 2) == (context < 4096)
+    assert without == (len(requests[1]["messages"]) == 2) == (context < 4096)
 
 
 @pytest.mark.parametrize(("heeds", "recorded"), [(True, "gbnf"), (False, None)])
 def test_it_is_recorded_whether_a_grammar_was_heeded(heeds: bool, recorded: str | None) -> None:
     with FakeServer([ACCEPTED], heeds=["structured_outputs"] if heeds else []) as server:
         code, _, err = generate("--model", "vllm:tiny", "--base-url", server.url)
-        (asked,) = server.plans_asked
+        (request,) = server.plan_requests
     assert code == 0, err
-    assert bool(asked.grammar_field) is heeds
+    assert bool(request.grammar_field) is heeds
     assert ("; constrained by gbnf" in err) is heeds
     assert kept()[0]["attempts"][0].get("constrained") == recorded
 
@@ -276,11 +276,11 @@ def test_a_model_that_does_not_answer_any_more() -> None:
 )
 def test_servers_that_fail(provider: str, fault: str, code: int) -> None:
     with FakeServer([ACCEPTED], faults=[fault] * 50) as server:
-        found, out, err = generate(
+        exit_code, out, err = generate(
             *("--model", f"{provider}:tiny", "--base-url", server.url, "--no-constrain"),
             *("--retries", "1" if fault != "429" else "0", "--timeout", "20"),
         )
-    assert (found, out) == (code, ""), err
+    assert (exit_code, out) == (code, ""), err
     assert f"no plan: {provider}:tiny: " in err
     (session,) = kept()
     assert (session["accepted"], session["interrupted"]) == (False, False)
@@ -293,7 +293,7 @@ def test_an_answer_that_is_far_too_long_is_not_read() -> None:
         code, out, err = generate(
             "--model", "vllm:tiny", "--base-url", server.url, "--no-constrain"
         )
-        assert len(json.dumps(server.asked[1].body)) < 100_000
+        assert len(json.dumps(server.received[1].body)) < 100_000
     assert (code, out) == (0, ACCEPTED)
     assert "attempt 1: the answer was cut off: it is longer than 200,000 characters" in err
     assert len(kept()[0]["attempts"][0]["answer"]) == 200_000
@@ -314,7 +314,7 @@ def test_a_journal_that_another_process_writes_to() -> None:
         code, out, err = generate(
             *("--model", "vllm:tiny", "--base-url", server.url, "--journal", "run.db")
         )
-        assert server.asked == []
+        assert server.received == []
     assert (code, out) == (2, "")
     assert "run.db: another process writes to this journal" in err
     assert "--journal FILE keeps the attempts elsewhere" in err
@@ -337,7 +337,7 @@ def test_what_was_answered_before_it_was_stopped_is_kept(signum: signal.Signals)
         command = ["generate", "go", "--model", "vllm:tiny", "--base-url", server.url]
         with start(*command, "--no-constrain", env={"GPSFSM_API_KEY": KEY}) as process:
             deadline = time.monotonic() + WAIT_S
-            while len(server.asked) < 2 and time.monotonic() < deadline:
+            while len(server.received) < 2 and time.monotonic() < deadline:
                 time.sleep(0.01)
             process.send_signal(signum)
             out, err = process.communicate(timeout=WAIT_S)

@@ -130,8 +130,8 @@ def test_the_agreement_with_labels(tmp_path: Path) -> None:
     labels = "path,human\nanswers/good.xml,S\nanswers/half.xml,F\nanswers/none.xml,?\nother.xml,P\n"
     folder(tmp_path, labels)
     words = ("grade", "--task", "task.yaml", "--labels", "labels.csv", "answers")
-    told = run(*words, cwd=tmp_path).stdout.decode()
-    assert told.endswith(
+    decoded = run(*words, cwd=tmp_path).stdout.decode()
+    assert decoded.endswith(
         "agreement with the labels: 1 of 2 (50.0 %, kappa 0.333)\n"
         "people \\ gpsfsm    success    partial     failed\n"
         "success                  1          0          0\n"
@@ -189,9 +189,9 @@ def test_what_a_grade_does_not_depend_on_is_refused(
     task, plan = tmp_path / "task.yaml", tmp_path / "answers"
     words = [option.flag, *([values[name]] if name in values else [])]
     assert main(["grade", str(plan), "--task", str(task), *words]) == 2
-    told = capsys.readouterr()
-    assert not told.out
-    assert f"{option.flag} has no effect on grade: {NO_EFFECT['grade'][name]}" in told.err
+    output = capsys.readouterr()
+    assert not output.out
+    assert f"{option.flag} has no effect on grade: {NO_EFFECT['grade'][name]}" in output.err
 
 
 def test_a_shared_configuration_may_set_it(

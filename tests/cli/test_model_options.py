@@ -51,7 +51,7 @@ def _alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def settings(*arguments: str, timeout: str = "--timeout") -> ModelSettings:
     """What a command makes of its arguments."""
-    found: list[ModelSettings] = []
+    results: list[ModelSettings] = []
 
     @click.command()
     @model_options(timeout=timeout)
@@ -59,10 +59,10 @@ def settings(*arguments: str, timeout: str = "--timeout") -> ModelSettings:
     @click.pass_context
     def command(context: click.Context, /, **_: Any) -> None:
         settle(context)
-        found.append(model_settings(context))
+        results.append(model_settings(context))
 
     command.main(list(arguments), standalone_mode=False)
-    return found[0]
+    return results[0]
 
 
 def configure(text: str, name: str = "gpsfsm.toml") -> str:
@@ -88,10 +88,10 @@ def test_every_option() -> None:
         *("--max-tokens", "9", "--timeout", "7", "--retries", "1", "--context", "4096"),
         "--no-constrain",
     )
-    found = settings(*arguments)
-    assert (found.spec, found.base_url, found.temperature) == ("vllm:m", "http://x", 0.5)
-    assert (found.max_tokens, found.timeout_s, found.retries) == (9, 7.0, 1)
-    assert (found.context_tokens, found.constrain) == (4096, Constrain.NEVER)
+    chosen = settings(*arguments)
+    assert (chosen.spec, chosen.base_url, chosen.temperature) == ("vllm:m", "http://x", 0.5)
+    assert (chosen.max_tokens, chosen.timeout_s, chosen.retries) == (9, 7.0, 1)
+    assert (chosen.context_tokens, chosen.constrain) == (4096, Constrain.NEVER)
     assert settings("--model-timeout", "7", timeout="--model-timeout").timeout_s == 7.0
 
 
@@ -101,14 +101,18 @@ def test_every_key_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UsageError, match=r"gpsfsm\.toml:4: GPU_API_KEY is not sent to"):
         settings()
     permit("GPU_API_KEY", "http://gpu.example:8000", monkeypatch)
-    found = settings()
-    assert (found.spec, found.base_url) == ("vllm:Qwen/Qwen3-8B", "http://gpu.example:8000/v1")
-    assert (found.key.reveal(), found.key.source) == (KEY, "GPU_API_KEY")
-    assert (found.temperature, found.max_tokens, found.timeout_s) == (0.0, 2048, 60.0)
-    assert (found.retries, found.max_wait_s, found.context_tokens) == (5, 30.0, 32_768)
-    assert (found.max_answer_bytes, found.prompt_price, found.answer_price) == (100_000, 1.0, 2.5)
-    assert (found.constrain, found.dialect) == (Constrain.ALWAYS, "guided_grammar")
-    assert found.thinking
+    chosen = settings()
+    assert (chosen.spec, chosen.base_url) == ("vllm:Qwen/Qwen3-8B", "http://gpu.example:8000/v1")
+    assert (chosen.key.reveal(), chosen.key.source) == (KEY, "GPU_API_KEY")
+    assert (chosen.temperature, chosen.max_tokens, chosen.timeout_s) == (0.0, 2048, 60.0)
+    assert (chosen.retries, chosen.max_wait_s, chosen.context_tokens) == (5, 30.0, 32_768)
+    assert (chosen.max_answer_bytes, chosen.prompt_price, chosen.answer_price) == (
+        100_000,
+        1.0,
+        2.5,
+    )
+    assert (chosen.constrain, chosen.dialect) == (Constrain.ALWAYS, "guided_grammar")
+    assert chosen.thinking
     keys = {line.split(" = ")[0] for line in WHOLE.splitlines() if " = " in line}
     assert keys == {name.replace("_", "-") for name in ModelTable.model_fields}
 

@@ -191,8 +191,8 @@ def test_a_run_goes_on_without_its_lines_and_says_so(how: str, folder: Path) -> 
     done = shell(f"$GPSFSM run good.xml good.xml {how} --journal lost.db >/dev/full", folder)
     assert done.returncode == 2
     assert b"the run continues" in done.stderr
-    told = shell("$GPSFSM events lost.db --list; rm lost.db*", folder)
-    assert told.stdout.count(b"COMPLETED") == 2
+    output = shell("$GPSFSM events lost.db --list; rm lost.db*", folder)
+    assert output.stdout.count(b"COMPLETED") == 2
 
 
 def test_a_reader_that_has_read_enough_loses_nothing(folder: Path) -> None:

@@ -54,8 +54,8 @@ def test_resume_tells_what_run_has_not_told(
 ) -> None:
     write(tmp_path, a=MIXED if how == REAL else DRAWN)
     whole = tmp_path / "whole.db"
-    told = ["--format", "json", "--journal", str(whole)]
-    code = main(["run", str(tmp_path / "a.xml"), *how, *told])
+    options = ["--format", "json", "--journal", str(whole)]
+    code = main(["run", str(tmp_path / "a.xml"), *how, *options])
     heading, *first = capsys.readouterr().out.splitlines()
     assert json.loads(heading)["journal"] == 1
     assert first == written(tmp_path, "whole.db", 1, capsys)
@@ -76,8 +76,8 @@ def test_a_run_that_is_killed_has_told_how_it_began(
 ) -> None:
     text = f"<Plan>{wait(0.01) * 3}{wait(1.2)}{wait(0.01)}</Plan>"
     write(tmp_path, a=text, b=f"<Plan>{wait(0.01)}</Plan>")
-    told = ["--format", "json", "--journal", "run.db"]
-    with start("run", "a.xml", "b.xml", *how, *told, cwd=tmp_path) as process:
+    options = ["--format", "json", "--journal", "run.db"]
+    with start("run", "a.xml", "b.xml", *how, *options, cwd=tmp_path) as process:
         assert process.stdout is not None
         begun = []
         while not begun or begun[-1].count('"cause"') == 0 or '"node":4' not in begun[-1]:

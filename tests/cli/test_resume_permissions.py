@@ -91,10 +91,10 @@ def refused(file: Path, *arguments: str, capsys: pytest.CaptureFixture[str], cod
     """What is said; nothing has been started, nor written down."""
     before = content(file)
     assert main(["resume", str(file), *arguments]) == code
-    found = capsys.readouterr()
-    assert found.out == ""
+    output = capsys.readouterr()
+    assert output.out == ""
     assert content(file) == before
-    return found.err
+    return output.err
 
 
 def resumed(file: Path, *arguments: str) -> str:
@@ -108,18 +108,18 @@ def test_a_foreign_journal_starts_no_program(
 ) -> None:
     mark = tmp_path / "mark"
     file = forged(tmp_path, step(f"touch {mark}"), allow_program=["touch", "rm -rf"])
-    told = refused(file, capsys=capsys)
+    refusal = refused(file, capsys=capsys)
     options = "--allow-program touch --allow-program 'rm -rf'"
-    assert f"if that is what you want, add --real {options}\n" in told
-    told = refused(file, "--real", capsys=capsys)
-    assert f"the journal recorded: {options}; " in told
-    told = refused(file, "--real", "--allow-program", "touch", capsys=capsys)
-    assert "the journal recorded: --allow-program 'rm -rf'; " in told
-    told = refused(file, "--allow-program", "touch", capsys=capsys)
-    assert "--allow-program needs --real" in told
+    assert f"if that is what you want, add --real {options}\n" in refusal
+    refusal = refused(file, "--real", capsys=capsys)
+    assert f"the journal recorded: {options}; " in refusal
+    refusal = refused(file, "--real", "--allow-program", "touch", capsys=capsys)
+    assert "the journal recorded: --allow-program 'rm -rf'; " in refusal
+    refusal = refused(file, "--allow-program", "touch", capsys=capsys)
+    assert "--allow-program needs --real" in refusal
     assert not mark.exists()
-    told = resumed(file, "--real", "--allow-program", "touch", "--allow-program", "rm -rf")
-    assert "COMPLETED" in told
+    refusal = resumed(file, "--real", "--allow-program", "touch", "--allow-program", "rm -rf")
+    assert "COMPLETED" in refusal
     assert mark.exists()
 
 
@@ -187,19 +187,19 @@ def test_a_plan_that_the_gate_refuses_does_not_go_on(
         allow_program=["id", "true"],
     )
     how = ("--real", "--allow-program", "id", "--allow-program", "true")
-    told = refused(file, *how, capsys=capsys, code=1)
-    assert "error GP212" in told
-    told = refused(file, *how, "--force", capsys=capsys)
-    assert "implements generic_capabilities/ProcessRunner, not nosuch/Speak" in told
+    refusal = refused(file, *how, capsys=capsys, code=1)
+    assert "error GP212" in refusal
+    refusal = refused(file, *how, "--force", capsys=capsys)
+    assert "implements generic_capabilities/ProcessRunner, not nosuch/Speak" in refusal
 
 
 def test_a_forced_run_is_forced_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bad = f'<Runner interface="{PROCESS}" provider="{PROCESS}" command="true" timeout_s="soon"/>'
     file = forged(tmp_path, step("true"), f'<Control type="recovery">{bad}</Control>')
     assert "--force needs --real" in refused(file, "--force", capsys=capsys)
-    told = refused(file, "--real", capsys=capsys, code=1)
-    assert "GP205" in told
-    assert "the plan has errors, so it is not run; --force runs it anyway" in told
+    refusal = refused(file, "--real", capsys=capsys, code=1)
+    assert "GP205" in refusal
+    assert "the plan has errors, so it is not run; --force runs it anyway" in refusal
     done = run("resume", file, "--real", "--force", cwd=tmp_path)
     assert b"the run continues in another process" in done.stdout
     assert "forced in spite of" in str(content(file)[0])
@@ -218,8 +218,8 @@ def test_what_runners_do_is_not_for_the_journal_to_say(
     library = BUILTIN.extended(Library((Interface("lift_bot/Lift"),), (lift,)))
     text = '<Runner interface="lift_bot/Lift" provider="lift_bot/Lift" command="true"/>'
     file = forged(tmp_path, text, library=library)
-    told = refused(file, "--real", capsys=capsys)
-    assert "was begun with other capabilities than this command has" in told
+    refusal = refused(file, "--real", capsys=capsys)
+    assert "was begun with other capabilities than this command has" in refusal
     mild = tuple(
         replace(each, resources=()) if each.name.endswith("/WaypointRunner") else each
         for each in BUILTIN.providers

@@ -46,9 +46,9 @@ DRAWN = """\
 
 
 def ran(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> tuple[str, str]:
-    found = main(["run", *arguments])
+    exit_code = main(["run", *arguments])
     out, err = capsys.readouterr()
-    assert found == code, (found, out, err)
+    assert exit_code == code, (exit_code, out, err)
     return out, err
 
 
@@ -65,12 +65,12 @@ def test_outcomes_are_drawn_from_the_seed(
 
 def test_the_same_bytes_in_every_process(tmp_path: Path) -> None:
     write(tmp_path, a=PLAN)
-    found = {
+    stdouts = {
         run("run", "a.xml", "--format", "json", cwd=tmp_path, env={"PYTHONHASHSEED": seed}).stdout
         for seed in ("0", "77")
     }
-    assert len(found) == 1
-    lines = [json.loads(line) for line in next(iter(found)).splitlines()]
+    assert len(stdouts) == 1
+    lines = [json.loads(line) for line in next(iter(stdouts)).splitlines()]
     assert lines[0]["journal"] == 1
     assert lines[-1]["data"] == {"status": "COMPLETED"}
 
@@ -155,7 +155,7 @@ def test_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["--world", "a", "--real"], "--world and --real cannot be used together"),
         (["--scenario", "a", "--real"], "--scenario and --real cannot be used together"),
@@ -172,10 +172,10 @@ def test_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_options_that_make_no_sense(
-    arguments: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path, a=PLAN)
-    assert told in ran("a.xml", *arguments, capsys=capsys, code=2)[1]
+    assert message in ran("a.xml", *arguments, capsys=capsys, code=2)[1]
 
 
 def test_no_plan(capsys: pytest.CaptureFixture[str]) -> None:
@@ -255,12 +255,12 @@ def on_terminal(folder: Path, *arguments: str, **env: str) -> str:
         stderr=theirs,
     ):
         os.close(theirs)
-        found = b""
+        output = b""
         with suppress(OSError):  # the terminal is closed at the end
             while part := os.read(ours, 65536):
-                found += part
+                output += part
     os.close(ours)
-    return found.decode()
+    return output.decode()
 
 
 def test_a_terminal_shows_the_plan_as_a_tree(tmp_path: Path) -> None:

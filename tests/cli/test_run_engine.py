@@ -103,8 +103,8 @@ def findings(text: str, engine: str, capsys: pytest.CaptureFixture[str]) -> list
     out = capsys.readouterr().out
     with open("report.json", "w", encoding="utf-8") as file:  # noqa: PTH123  (in its own folder)
         file.write(out)
-    found: list[dict[str, Any]] = json.loads(out)["plans"][0]["findings"]
-    return found
+    results: list[dict[str, Any]] = json.loads(out)["plans"][0]["findings"]
+    return results
 
 
 @pytest.mark.parametrize("engine", ["fabric-v1", "fabric-v2"])

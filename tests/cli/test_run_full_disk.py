@@ -136,7 +136,7 @@ def test_a_queue_does_not_refuse_a_plan_because_of_its_journal() -> None:
         with pytest.raises(JournalFullError):
             bench.queue.run_all()
         assert "REFUSED" not in bench.statuses()
-        assert ("ENDED", 1) not in bench.log.told()
+        assert ("ENDED", 1) not in bench.log.events()
 
 
 def _failing(bench: Bench, error: Exception) -> None:
@@ -156,7 +156,7 @@ def test_no_codes_are_not_success() -> None:
 
 
 @pytest.mark.parametrize(
-    ("status", "asked", "code", "said"),
+    ("status", "cancelled", "code", "said"),
     [
         ("REFUSED", False, 2, "gpsfsm: plan 2 is not run: no room\n"),
         ("CANCELLED", False, 1, "gpsfsm: plan 2 is not run: it was cancelled before it began\n"),
@@ -164,10 +164,10 @@ def test_no_codes_are_not_success() -> None:
     ],
 )
 def test_a_plan_that_never_began_has_a_code(
-    status: str, asked: bool, code: int, said: str, capsys: pytest.CaptureFixture[str]
+    status: str, cancelled: bool, code: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     interruption = Interruption()
-    interruption.requested = asked
+    interruption.requested = cancelled
     terminal = Terminal(Show("plain"), interruption)
     terminal.codes[1] = 0
     for plan in (1, 2):

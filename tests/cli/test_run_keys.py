@@ -71,8 +71,8 @@ def test_space_pauses_and_goes_on_and_q_cancels(how: list[str], tmp_path: Path) 
         assert not terminal.is_raw
         assert "CANCELLED after" in terminal.shown
         assert SPACE_PAUSES not in terminal.shown.partition("CANCELLED")[2]
-    told = kinds(tmp_path)
-    assert [kind for kind in told if kind in ("PAUSE", "HELD", "RESUME", "CANCEL")] == [
+    events = kinds(tmp_path)
+    assert [kind for kind in events if kind in ("PAUSE", "HELD", "RESUME", "CANCEL")] == [
         "PAUSE",
         "HELD",
         "RESUME",
@@ -238,8 +238,8 @@ def test_a_run_that_was_killed_while_it_paused_goes_on(how: list[str], tmp_path:
     done = run("resume", "run.db", *(["--real"] if "--real" in how else []), cwd=tmp_path)
     assert done.returncode == 0
     assert b"COMPLETED" in done.stdout
-    told = kinds(tmp_path)
-    assert (told.count("PAUSE"), told.count("RESUME")) == (1, 1)
+    events = kinds(tmp_path)
+    assert (events.count("PAUSE"), events.count("RESUME")) == (1, 1)
     assert run("replay", "run.db", cwd=tmp_path).returncode == 0
 
 
@@ -295,7 +295,7 @@ class Rows:
         self.kept += [(at_us, record.kind) for record in records]
 
     def at(self, kind: Kind) -> int:
-        return next(at_us for at_us, found in self.kept if found is kind)
+        return next(at_us for at_us, each in self.kept if each is kind)
 
 
 def simulated(
@@ -349,10 +349,10 @@ def test_a_pause_waits_for_somebody(speed: float | None) -> None:
 
 
 def test_what_a_key_asks_for_is_told() -> None:
-    told: list[bool] = []
+    paused: list[bool] = []
     interruption = Interruption()
-    turned: Callable[[bool], None] = told.append
+    turned: Callable[[bool], None] = paused.append
     interruption.on_pause = turned
     interruption.toggle()
     interruption.toggle()
-    assert told == [True, False]
+    assert paused == [True, False]

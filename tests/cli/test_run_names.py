@@ -26,10 +26,10 @@ def at_once(*steps: str) -> str:
     return f'<Plan><Control type="parallel_all" name="both">{"".join(steps)}</Control></Plan>'
 
 
-def told(*arguments: str, capsys: pytest.CaptureFixture[str], code: int) -> str:
-    found = main([*arguments])
+def complaint(*arguments: str, capsys: pytest.CaptureFixture[str], code: int) -> str:
+    exit_code = main([*arguments])
     out, err = capsys.readouterr()
-    assert found == code, (found, out, err)
+    assert exit_code == code, (exit_code, out, err)
     return out + err
 
 
@@ -47,10 +47,10 @@ def test_two_drives_that_call_themselves_something_else(
 ) -> None:
     write(tmp_path, a=at_once(step(interface, DRIVE), step(interface, DRIVE, 'x="3.0" y="4.0"')))
     for command in (("gate",), ("run",), ("run", "--real")):
-        found = told(*command, "a.xml", capsys=capsys, code=1)
-        assert "GP212" in found or "GP201" in found
+        actual = complaint(*command, "a.xml", capsys=capsys, code=1)
+        assert "GP212" in actual or "GP201" in actual
     write(tmp_path, b=at_once(step(DRIVE, DRIVE), step(DRIVE, DRIVE, 'x="3.0" y="4.0"')))
-    assert "GP501" in told("gate", "b.xml", capsys=capsys, code=1)
+    assert "GP501" in complaint("gate", "b.xml", capsys=capsys, code=1)
 
 
 def test_a_program_that_calls_itself_speech(
@@ -60,9 +60,9 @@ def test_a_program_that_calls_itself_speech(
     program = step("nosuch/Speak", PROCESS, f'command="touch {mark}"')
     write(tmp_path, a=f"<Plan>{program}</Plan>")
     how = ("a.xml", "--real", "--allow-program", "touch")
-    assert "GP212" in told("run", *how, capsys=capsys, code=1)
-    found = told("run", *how, "--force", capsys=capsys, code=2)
-    assert f"{PROCESS} implements {PROCESS}, not nosuch/Speak" in found
+    assert "GP212" in complaint("run", *how, capsys=capsys, code=1)
+    actual = complaint("run", *how, "--force", capsys=capsys, code=2)
+    assert f"{PROCESS} implements {PROCESS}, not nosuch/Speak" in actual
     assert not mark.exists()
 
 
@@ -83,16 +83,18 @@ def test_a_drive_that_calls_itself_speech_is_not_what_a_task_allows(
     write(tmp_path, a=f"<Plan>{honest}{LOG}</Plan>")
     write(tmp_path, b=f"<Plan>{step('x/SpeechRunner', DRIVE)}{LOG}</Plan>")
     write(tmp_path, c=f"<Plan>{step(SPEAK, DRIVE)}{LOG}</Plan>")
-    told("gate", "a.xml", "--task", "task.yaml", capsys=capsys, code=0)
-    found = told("grade", "--task", "task.yaml", "a.xml", "b.xml", "c.xml", capsys=capsys, code=0)
-    assert [line.split()[:2] for line in found.splitlines() if ".xml" in line] == [
+    complaint("gate", "a.xml", "--task", "task.yaml", capsys=capsys, code=0)
+    actual = complaint(
+        "grade", "--task", "task.yaml", "a.xml", "b.xml", "c.xml", capsys=capsys, code=0
+    )
+    assert [line.split()[:2] for line in actual.splitlines() if ".xml" in line] == [
         ["success", "a.xml"],
         ["partial", "b.xml"],  # it reads as a plan
         ["partial", "c.xml"],
     ]
     for name in ("b.xml", "c.xml"):
-        told("gate", name, "--task", "task.yaml", capsys=capsys, code=1)
-        told("check", name, "--task", "task.yaml", capsys=capsys, code=1)
+        complaint("gate", name, "--task", "task.yaml", capsys=capsys, code=1)
+        complaint("check", name, "--task", "task.yaml", capsys=capsys, code=1)
 
 
 @pytest.mark.parametrize("name", ["capabilities2_runner_nav2/WaypointRunner", "home/Kitchen"])
@@ -109,7 +111,7 @@ def test_what_is_forbidden_is_forbidden_under_every_name(
     )
     write(tmp_path, a=f"<Plan>{step(name, name)}</Plan>")
     how = ("--task", "task.yaml", "--capabilities", "home", "a.xml")
-    assert "GP608" in told("check", *how, capsys=capsys, code=1)
+    assert "GP608" in complaint("check", *how, capsys=capsys, code=1)
 
 
 def test_what_no_file_describes_is_simulated_and_not_run_for_real(
@@ -119,19 +121,19 @@ def test_what_no_file_describes_is_simulated_and_not_run_for_real(
     names = [("lift_bot/Lift", "lift_bot/Motor"), (WAIT, "lift_bot/Wait")]
     steps = [step(*pair, 'name="n"') for pair in names]
     write(tmp_path, a=f"<Plan>{''.join(steps)}</Plan>")
-    told("gate", "a.xml", capsys=capsys, code=0)
-    told("run", "a.xml", "--failure", "0", capsys=capsys, code=0)
-    found = told("run", "a.xml", "--real", "--journal", "run.db", capsys=capsys, code=2)
+    complaint("gate", "a.xml", capsys=capsys, code=0)
+    complaint("run", "a.xml", "--failure", "0", capsys=capsys, code=0)
+    actual = complaint("run", "a.xml", "--real", "--journal", "run.db", capsys=capsys, code=2)
     assert not (tmp_path / "run.db").exists()
-    assert "no capability file describes lift_bot/Lift and lift_bot/Motor, so nothing" in found
-    assert pasted(found, tmp_path / "files") == 3
+    assert "no capability file describes lift_bot/Lift and lift_bot/Motor, so nothing" in actual
+    assert pasted(actual, tmp_path / "files") == 3
     capsys.readouterr()
-    told("capabilities", "check", "files", capsys=capsys, code=0)
+    complaint("capabilities", "check", "files", capsys=capsys, code=0)
     how = ("a.xml", "--capabilities", "files")
-    assert "GP210" not in told("check", *how, capsys=capsys, code=0)
-    found = told("run", *how, "--real", capsys=capsys, code=2)
-    assert "no runner is installed for lift_bot/Motor" in found
-    assert "no capability file describes" not in found
+    assert "GP210" not in complaint("check", *how, capsys=capsys, code=0)
+    actual = complaint("run", *how, "--real", capsys=capsys, code=2)
+    assert "no runner is installed for lift_bot/Motor" in actual
+    assert "no capability file describes" not in actual
 
 
 WAITING = 'seconds="0.01"'
@@ -149,12 +151,12 @@ def test_a_file_without_a_definition_is_completed(
         file.write_text(f"name: lift_bot/Lift\nspec_type: {kind}\n{more}")
     write(tmp_path, a=f"<Plan>{step('lift_bot/Lift', 'lift_bot/Lift', WAITING)}</Plan>")
     how = ("run", "a.xml", "--real", "--capabilities", "files")
-    found = told(*how, capsys=capsys, code=2)
-    assert "the file of lift_bot/Lift does not say what it takes and gives (definition)" in found
-    assert "  add to files/lift_bot/providers/Lift.yaml:\n    definition:\n" in found
+    actual = complaint(*how, capsys=capsys, code=2)
+    assert "the file of lift_bot/Lift does not say what it takes and gives (definition)" in actual
+    assert "  add to files/lift_bot/providers/Lift.yaml:\n    definition:\n" in actual
     with file.open("a") as opened:
         opened.write("definition:\n  configuration_parameters: [{name: seconds, type: double}]\n")
-    told(*how, capsys=capsys, code=0)
+    complaint(*how, capsys=capsys, code=0)
 
 
 def pasted(text: str, folder: Path) -> int:
@@ -176,7 +178,7 @@ def test_nothing_is_done_by_a_plan_without_a_step(
 ) -> None:
     """As the gate says."""
     write(tmp_path, a="<Plan/>")
-    assert "empty" in told("gate", "a.xml", capsys=capsys, code=1)
-    found = told("run", "a.xml", capsys=capsys, code=1)
-    assert "a.xml: the plan has no step that does anything, so it is not run; --force" in found
-    assert "forced although" in told("run", "a.xml", "--force", capsys=capsys, code=0)
+    assert "empty" in complaint("gate", "a.xml", capsys=capsys, code=1)
+    actual = complaint("run", "a.xml", capsys=capsys, code=1)
+    assert "a.xml: the plan has no step that does anything, so it is not run; --force" in actual
+    assert "forced although" in complaint("run", "a.xml", "--force", capsys=capsys, code=0)

@@ -45,9 +45,9 @@ def answers(folder: Path, *records: dict[str, object]) -> str:
 def statuses(folder: Path) -> list[str]:
     with JournalReader(str(folder / "run.db")) as reader:
         reader.verify_queue()
-        for found in reader.runs():
-            reader.verify(found.number)
-        return [str(found.status) for found in reader.runs()]
+        for each in reader.runs():
+            reader.verify(each.number)
+        return [str(run.status) for run in reader.runs()]
 
 
 def test_a_mission_asks_for_its_next_plan_in_a_world(tmp_path: Path) -> None:
@@ -140,8 +140,8 @@ def killed(
     """Run until a line comes, then kill."""
     with start("run", *arguments, "--journal", "run.db", cwd=folder, env=env) as process:
         assert process.stdout is not None
-        while line not in (found := process.stdout.readline()):
-            assert found
+        while line not in (result := process.stdout.readline()):
+            assert result
         process.send_signal(signal.SIGKILL)
         process.communicate(timeout=30)
 
@@ -269,7 +269,7 @@ def under_way(folder: Path, server: FakeServer, *how: str) -> Iterator[subproces
     with start(*command, *asking(server), cwd=folder) as process:
         try:
             until = time.monotonic() + 30
-            while not server.asked:
+            while not server.received:
                 assert process.poll() is None
                 assert time.monotonic() < until
                 time.sleep(0.01)
@@ -287,7 +287,7 @@ def test_ctrl_c_ends_a_request_at_once(how: tuple[str, ...], tmp_path: Path) -> 
     assert b"CANCELLED" in out
     assert b"Traceback" not in out + error
     assert statuses(tmp_path) == ["CANCELLED"]
-    assert len(server.asked) == 1
+    assert len(server.received) == 1
 
 
 @pytest.mark.parametrize("how", [("--real",), ("--world", WORLD)])
@@ -301,7 +301,7 @@ def test_a_request_without_an_answer_is_made_once_more(
         done = run(
             "resume", "run.db", *how[:1][: how[0] == "--real"], *asking(server), cwd=tmp_path
         )
-        assert (done.returncode, len(server.asked)) == (0, 2), done.stderr
+        assert (done.returncode, len(server.received)) == (0, 2), done.stderr
     assert b"succeeded: text='Hello!'" in done.stdout
     assert run("replay", "run.db", cwd=tmp_path).returncode == 0
 
@@ -316,7 +316,7 @@ def test_wherever_it_is_killed_each_fill_is_there_once(place: int, tmp_path: Pat
         killed(tmp_path, line, "a.xml", "--real", *asking(server))
         done = run("resume", "run.db", "--real", *asking(server), cwd=tmp_path)
         assert done.returncode == 0, done.stderr
-        assert server.asked[-1].prompt == "\n".join([*texts, "And now?"])
+        assert server.received[-1].prompt == "\n".join([*texts, "And now?"])
     assert statuses(tmp_path) == ["COMPLETED"]
 
 
@@ -352,11 +352,11 @@ def test_no_model_no_import(tmp_path: Path) -> None:
         check=True,
     )
     simulated, real = done.stderr.decode().splitlines()
-    for found, never in (
+    for expected, never in (
         (simulated, ("httpx", "gpsfsm.running.answer_judge", "gpsfsm.generation")),
         (real, ("httpx", "gpsfsm.running.answer_judge", "gpsfsm.generation.loop")),
     ):
-        code, *loaded = found.split()
+        code, *loaded = expected.split()
         assert code == "0"
         assert "gpsfsm.execution.kernel" in loaded
         assert not [name for name in loaded if name.startswith(never)]

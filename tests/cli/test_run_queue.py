@@ -43,19 +43,19 @@ def setting(task: str) -> str:
 
 def world(folder: Path, task: str, answer: str) -> str:
     """A world whose model answers a task."""
-    found = {"world": 1, "answers": [{"to": "PromptPlanRunner", "asked": task, "text": answer}]}
-    (folder / "world.yaml").write_text(json.dumps(found), encoding="utf-8")
+    results = {"world": 1, "answers": [{"to": "PromptPlanRunner", "asked": task, "text": answer}]}
+    (folder / "world.yaml").write_text(json.dumps(results), encoding="utf-8")
     return "world.yaml"
 
 
 def ran(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> tuple[str, str]:
-    found = main(["run", *arguments])
+    exit_code = main(["run", *arguments])
     out, err = capsys.readouterr()
-    assert found == code, (found, out, err)
+    assert exit_code == code, (exit_code, out, err)
     return out, err
 
 
-def told(journal: str | Path) -> list[tuple[str, int, int]]:
+def queue_rows(journal: str | Path) -> list[tuple[str, int, int]]:
     """The rows of the plan queue: what, which plan, who."""
     with JournalReader(str(journal)) as reader:
         assert reader.verify_queue()
@@ -63,12 +63,12 @@ def told(journal: str | Path) -> list[tuple[str, int, int]]:
 
 
 def exported(folder: Path, *runs: int) -> list[bytes]:
-    found = [
+    completeds = [
         run("events", "run.db", "--run", f"{number}", "--format", "jsonl", "--verify", cwd=folder)
         for number in runs
     ]
-    assert [done.returncode for done in found] == [0] * len(runs)
-    return [done.stdout for done in found]
+    assert [done.returncode for done in completeds] == [0] * len(runs)
+    return [done.stdout for done in completeds]
 
 
 def test_two_plans(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -78,7 +78,7 @@ def test_two_plans(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, _ = ran("a.xml", *arguments, capsys=capsys)
     second, _ = ran("b.xml", "--seed", "4", "--failure", "0", capsys=capsys)
     assert out == f"== plan 1: a.xml\n{first}== plan 2: b.xml\n{second}"
-    assert told("run.db") == [
+    assert queue_rows("run.db") == [
         ("SUBMITTED", 1, 0), ("SUBMITTED", 2, 0),
         ("BEGUN", 1, 0), ("RUN", 1, 0), ("ENDED", 1, 0),
         ("BEGUN", 2, 0), ("RUN", 2, 0), ("ENDED", 2, 0),
@@ -109,7 +109,7 @@ def test_a_refused_plan_does_not_keep_others_from_running(
     assert "b.xml: the plan has errors, so it is not run" in err
     assert re.findall("^== .*", out, re.MULTILINE) == ["== plan 1: a.xml", "== plan 3: c.xml"]
     assert out.count("COMPLETED") == 2
-    assert ("REFUSED", 2, 0) in told("run.db")
+    assert ("REFUSED", 2, 0) in queue_rows("run.db")
     with JournalReader("run.db") as reader:
         (data,) = [row[5] for row in reader.queue() if row[2] == "REFUSED"]
     assert json.loads(data)["findings"][0].startswith("GP307 at line 2: ")
@@ -154,7 +154,7 @@ def test_a_plan_that_a_model_writes_runs_next_in_the_same_world(
     way = re.findall(r"([\d.]+) s  line \d  WaypointRunner \(x=\d.0, y=\d.0\) succeeded", out)
     assert [float(seconds) > 10 for seconds in way] == [True, True]
     assert second.endswith(": 1 started, 1 succeeded, 0 failed\n")
-    assert ("SUBMITTED", 2, 1) in told(journal)
+    assert ("SUBMITTED", 2, 1) in queue_rows(journal)
     for number in ("1", "2"):
         assert main(["replay", journal, "--run", number]) == 0
         assert "and simulated again" in capsys.readouterr().out
@@ -181,7 +181,7 @@ def test_a_plan_with_errors_that_a_model_writes_is_refused(
     out, err = ran("a.xml", "b.xml", "--world", name, "--journal", "run.db", capsys=capsys, code=1)
     assert "plan 3 from FabricSetPlanRunner:2:3: error GP307" in err
     assert "failed: the plan was refused: GP307 at line 2: " in out
-    assert ("REFUSED", 3, 1) in told("run.db")
+    assert ("REFUSED", 3, 1) in queue_rows("run.db")
     assert out.splitlines()[-1].startswith("COMPLETED")
     assert main(["replay", "run.db", "--run", "1"]) == 0
     assert "and simulated again" in capsys.readouterr().out
@@ -229,7 +229,7 @@ def test_after_a_crash_the_queue_goes_on_as_if_nothing_had_happened(tmp_path: Pa
     ]
     assert run("run", *arguments, "--journal", "run.db", cwd=whole).returncode == 0
     assert exported(tmp_path, 1, 2, 3, 4) == exported(whole, 1, 2, 3, 4)
-    assert told(tmp_path / "run.db").count(("SUBMITTED", 4, 2)) == 1
+    assert queue_rows(tmp_path / "run.db").count(("SUBMITTED", 4, 2)) == 1
     for number in ("2", "4"):
         assert run("replay", "run.db", "--run", number, cwd=tmp_path).returncode == 0
     done = run("resume", "run.db", cwd=tmp_path)
@@ -265,9 +265,9 @@ def test_real_plans(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stdout.count(b"COMPLETED") == 2
     assert b"the plan cannot be run for real" in done.stderr
-    assert told(tmp_path / "run.db").count(("RUN", 2, 0)) == 0
+    assert queue_rows(tmp_path / "run.db").count(("RUN", 2, 0)) == 0
     with JournalReader(str(tmp_path / "run.db")) as reader:
-        nonces = [found.options["nonce"] for found in reader.runs()]
+        nonces = [each.options["nonce"] for each in reader.runs()]
     assert len(set(nonces)) == 2
 
 
@@ -282,16 +282,16 @@ def test_ctrl_c_cancels_what_waits_too(how: list[str], tmp_path: Path) -> None:
         out, err = process.communicate(timeout=30)
     assert (process.returncode, out.count(b"CANCELLED")) == (130, 1)
     assert b"Traceback" not in err
-    assert ("CANCEL", 2, 0) in told(tmp_path / "run.db")
+    assert ("CANCEL", 2, 0) in queue_rows(tmp_path / "run.db")
     assert b"run 1 has ended already" in run("resume", "run.db", cwd=tmp_path).stderr
 
 
 @pytest.mark.parametrize("silent", [True, False])
 def test_a_bond_that_is_lost_stops_everything(silent: bool, tmp_path: Path) -> None:
     write(tmp_path, a=plan(wait(50)), b=plan(wait(0.1)))
-    given = ["a.xml", "b.xml", "--journal", "run.db", "--real"]
+    arguments = ["a.xml", "b.xml", "--journal", "run.db", "--real"]
     bond = ["--bond", "0.7" if silent else "40"]
-    with start("run", *given, *bond, cwd=tmp_path, stdin=subprocess.PIPE) as process:
+    with start("run", *arguments, *bond, cwd=tmp_path, stdin=subprocess.PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         assert process.stderr is not None
@@ -299,20 +299,20 @@ def test_a_bond_that_is_lost_stops_everything(silent: bool, tmp_path: Path) -> N
         process.stdin.flush()
         assert process.stdout.readline() == b"== plan 1: a.xml\n"
         if silent:
-            found, said = process.stdout.readlines(), process.stderr.read()
+            lines, said = process.stdout.readlines(), process.stderr.read()
             process.wait(30)
             process.stdin.close()
         else:
             out, said = process.communicate(timeout=30)
-            found = out.splitlines()
+            lines = out.splitlines()
     assert process.returncode == 1
-    text = b"\n".join(found)
+    text = b"\n".join(lines)
     reason = b"no beat for 0.7 s" if silent else b"the input has ended"
     assert b"the run is cancelled: the bond is lost: " + reason in text
     assert b"CANCELLED after" in text
     assert b"plan 2" not in text
     assert b"the bond is lost, so 1 plan has not begun\n'gpsfsm resume'" in said
-    rows = told(tmp_path / "run.db")
+    rows = queue_rows(tmp_path / "run.db")
     assert ("BOND_LOST", 0, 0) in rows
     assert ("BEGUN", 2, 0) not in rows
 
@@ -329,11 +329,11 @@ def test_a_run_of_an_earlier_command_is_resumed_alone(tmp_path: Path) -> None:
     write(tmp_path, a=plan(wait(40)), b=plan(wait(1)), c=plan(wait(2)))
     killed(tmp_path, b"started", "a.xml", "b.xml", "--seed", "2", "--speed", "20")
     assert run("run", "c.xml", "--journal", "run.db", cwd=tmp_path).returncode == 0
-    rows = told(tmp_path / "run.db")
+    rows = queue_rows(tmp_path / "run.db")
     assert b"run 2 has ended already" in run("resume", "run.db", cwd=tmp_path).stderr
     done = run("resume", "run.db", "--run", "1", cwd=tmp_path)
     assert (done.returncode, done.stdout.count(b"COMPLETED")) == (0, 1)
-    assert told(tmp_path / "run.db") == rows
+    assert queue_rows(tmp_path / "run.db") == rows
     whole = run("run", "a.xml", "--seed", "2", "--format", "json", cwd=tmp_path).stdout
     assert exported(tmp_path, 1) == [whole]
 

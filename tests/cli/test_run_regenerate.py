@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 
 
 def ran(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> tuple[str, str]:
-    found = main(["run", *arguments])
+    exit_code = main(["run", *arguments])
     out, err = capsys.readouterr()
-    assert found == code, (found, out, err)
+    assert exit_code == code, (exit_code, out, err)
     return out, err
 
 
 def shown(command: str, *arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> str:
-    found = main([command, *arguments])
+    exit_code = main([command, *arguments])
     out, err = capsys.readouterr()
-    assert found == code, (found, out, err)
+    assert exit_code == code, (exit_code, out, err)
     return out + err
 
 
@@ -51,8 +51,8 @@ def test_a_mission_is_finished_by_the_second_plan_that_a_model_writes(
     answers(tmp_path)
     out, err = ran(*ARGUMENTS, "--journal", "run.db", capsys=capsys)
     assert err == ""
-    told = [line for line in out.splitlines() if not line.startswith(" ")]
-    assert told == [
+    lines = [line for line in out.splitlines() if not line.startswith(" ")]
+    assert lines == [
         "GAVE_UP after 9.518 s: 2 started, 1 succeeded, 1 failed",
         "plan 1 gave up; replay:answers.jsonl is asked for a plan that continues it",
         "attempt 1: rejected, there is no plan in the answer; 1.5 s",
@@ -66,39 +66,39 @@ def test_a_mission_is_finished_by_the_second_plan_that_a_model_writes(
         "COMPLETED after 8.295 s: 1 started, 1 succeeded, 0 failed",
     ]
     assert statuses(tmp_path / "run.db") == ["GAVE_UP", "GAVE_UP", "COMPLETED"]
-    asked = [str(row["asked"]) for row in rows(tmp_path / "run.db", "ATTEMPT")]
-    assert f"Task: {TASK}" in asked[0]
-    assert "- line 5  WaypointRunner (x=2.0, y=5.0): succeeded" in asked[0]
-    assert "no way leads to (6.5, 4.5): the zone 'office door' is closed" in asked[0]
-    assert "- The robot is at x=2, y=5 " in asked[0]
-    assert "plan 2 is the same, and it gave up" in asked[3]
-    assert "- The robot is at x=1, y=1 " in asked[2]
-    assert "What came of plan 1:" in asked[2]
-    assert TO_ANNEX in asked[2]
+    requests = [str(row["asked"]) for row in rows(tmp_path / "run.db", "ATTEMPT")]
+    assert f"Task: {TASK}" in requests[0]
+    assert "- line 5  WaypointRunner (x=2.0, y=5.0): succeeded" in requests[0]
+    assert "no way leads to (6.5, 4.5): the zone 'office door' is closed" in requests[0]
+    assert "- The robot is at x=2, y=5 " in requests[0]
+    assert "plan 2 is the same, and it gave up" in requests[3]
+    assert "- The robot is at x=1, y=1 " in requests[2]
+    assert "What came of plan 1:" in requests[2]
+    assert TO_ANNEX in requests[2]
 
 
 def test_it_is_one_story(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     answers(tmp_path)
     ran(*ARGUMENTS, "--journal", "run.db", capsys=capsys)
-    told = [
+    lines = [
         line
         for line in shown("events", "run.db", capsys=capsys).splitlines()
         if not line[:6].strip().isdecimal() and "what has happened" not in line
     ]
     why = "line 6  WaypointRunner (x=6.5, y=4.5) failed: no way leads to (6.5, 4.5)"
     again = "line 3  WaypointRunner (x=6.5, y=1.5) failed: no way leads to (6.5, 1.5)"
-    asked = "replay:answers.jsonl is asked for a plan that continues it"
-    assert told == [
+    text = "replay:answers.jsonl is asked for a plan that continues it"
+    assert lines == [
         "plan 1 of 3 in queue 1",
         "plan 1 gave up:",
-        f"  {asked}: {why}: the zone 'office door' is closed",
+        f"  {text}: {why}: the zone 'office door' is closed",
         "  attempt 1: rejected, there is no plan in the answer",
         "  attempt 2: accepted",
         "  the plan of attempt 2 is taken",
         "",
         "plan 2 of 3 in queue 1, generated because plan 1 gave up",
         "plan 2 gave up:",
-        f"  {asked}: {again}: the zone 'annex door' is closed",
+        f"  {text}: {again}: the zone 'annex door' is closed",
         "  attempt 1: plan 2 is the same, and it gave up",
         "  attempt 2: accepted",
         "  the plan of attempt 2 is taken",
@@ -120,7 +120,7 @@ def test_it_is_one_story(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 def test_the_same_bytes_each_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     answers(tmp_path)
-    found = set()
+    actual = set()
     for number in range(3):
         journal = f"{number}.db"
         out, _ = ran(*ARGUMENTS, "--journal", journal, capsys=capsys)
@@ -129,8 +129,8 @@ def test_the_same_bytes_each_time(tmp_path: Path, capsys: pytest.CaptureFixture[
             shown("events", journal, "--run", f"{n}", "--format", "jsonl", capsys=capsys)
             for n in (1, 2, 3)
         ]
-        found.add((out, queue, *runs))
-    assert len(found) == 1
+        actual.add((out, queue, *runs))
+    assert len(actual) == 1
 
 
 def test_it_is_the_same_without_a_journal_and_at_a_speed(
@@ -161,10 +161,10 @@ def test_without_a_task_the_plan_says_what_it_is_for(
 ) -> None:
     answers(tmp_path, ELSEWHERE)
     ran(MISSION, "--world", CLOSING, *MODEL, "--journal", "run.db", capsys=capsys)
-    (asked,) = (str(row["asked"]) for row in rows(tmp_path / "run.db", "ATTEMPT"))
-    assert "Task: Achieve what this plan was to achieve. It says of itself: Fetch" in asked
-    assert "ignore GP302" not in asked.partition("\n")[0]
-    assert asked.count('<Plan name="closed_door">') == 2  # as the task, and as what was tried
+    (request,) = (str(row["asked"]) for row in rows(tmp_path / "run.db", "ATTEMPT"))
+    assert "Task: Achieve what this plan was to achieve. It says of itself: Fetch" in request
+    assert "ignore GP302" not in request.partition("\n")[0]
+    assert request.count('<Plan name="closed_door">') == 2  # as the task, and as what was tried
 
 
 def test_a_task_in_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -172,8 +172,8 @@ def test_a_task_in_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     (tmp_path / "task.txt").write_text("Get to the window.\n", encoding="utf-8")
     how = (*MODEL, "--task-file", "task.txt", "--journal", "run.db")
     ran(MISSION, "--world", CLOSING, *how, capsys=capsys)
-    (asked,) = (str(row["asked"]) for row in rows(tmp_path / "run.db", "ATTEMPT"))
-    assert asked.startswith("Task: Get to the window.\n")
+    (request,) = (str(row["asked"]) for row in rows(tmp_path / "run.db", "ATTEMPT"))
+    assert request.startswith("Task: Get to the window.\n")
 
 
 # -- when it does not work -----------------------------------------------------------------------
@@ -206,9 +206,9 @@ def test_what_ends_a_chain(
     assert bool(err) is bool(reason)
     last = statuses(tmp_path / "run.db")[-1]
     assert last == ("GAVE_UP" if reason else "COMPLETED")
-    asked = len(rows(tmp_path / "run.db", "ASKED"))
-    told = shown("attempts", "run.db", capsys=capsys, code=0 if asked else 2)
-    assert told.count("session ") == asked
+    regenerations = len(rows(tmp_path / "run.db", "ASKED"))
+    text = shown("attempts", "run.db", capsys=capsys, code=0 if regenerations else 2)
+    assert text.count("session ") == regenerations
     if reason:
         assert "has ended already: GAVE_UP" in shown(
             "resume", "run.db", *MODEL, capsys=capsys, code=1
@@ -304,5 +304,5 @@ def test_a_chain_that_was_changed_is_noticed(
     monkeypatch.setattr(
         "gpsfsm.running.replaying.broken_link", lambda _rows: "plan 2 is another one"
     )
-    found = shown("replay", "run.db", capsys=capsys, code=1)
-    assert found == "gpsfsm: run.db: plan 2 is another one\n"
+    text = shown("replay", "run.db", capsys=capsys, code=1)
+    assert text == "gpsfsm: run.db: plan 2 is another one\n"

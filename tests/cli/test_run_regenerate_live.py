@@ -46,7 +46,7 @@ def under_way(
     command = ("run", *arguments, *how, "--journal", journal)
     process = start(*command, cwd=folder, stdin=subprocess.PIPE)
     until = time.monotonic() + 60
-    while not server.plans_asked:
+    while not server.plan_requests:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < until
         time.sleep(0.01)

@@ -60,7 +60,7 @@ def test_events_come_in_the_order_of_the_trace(
     """A runner that is active when the plan completes is stopped then, as GP311 tells."""
     write(tmp_path, a=PLAN)
     findings = checked(capsys)
-    [number] = [index for index, found in enumerate(findings, 1) if found["rule"] == "GP311"]
+    [number] = [index for index, each in enumerate(findings, 1) if each["rule"] == "GP311"]
     main(["run", "a.xml", "--scenario", "report.json", "--finding", str(number)])
     out, _ = capsys.readouterr()
     element = findings[number - 1]["location"]["line"]
@@ -88,7 +88,7 @@ def test_a_scenario_that_claims_something_else(
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         ("{", "s.json:1:2: is not JSON: Expecting property name"),
         ('{"outcomes":\n oops}', "s.json:2:2: is not JSON: Expecting value"),
@@ -105,14 +105,14 @@ def test_a_scenario_that_claims_something_else(
     ],
 )
 def test_files_that_are_no_scenarios(
-    content: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    content: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path, a=f"<Plan>{runner()}</Plan>")
     (tmp_path / "s.json").write_text(content, encoding="latin-1")
     assert main(["run", "a.xml", "--scenario", "s.json"]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert told in err
+    assert message in err
 
 
 def test_a_finding_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -99,7 +99,7 @@ def test_a_real_runner_submits_a_plan_and_is_told_of_a_refusal(call: str, tmp_pa
     assert b"plan 3 from NextRunner:2:3: error GP307" in done.stderr
     with JournalReader(str(tmp_path / "run.db")) as reader:
         assert [row[2] for row in reader.queue()].count("REFUSED") == 1
-        assert [str(found.status) for found in reader.runs()] == ["GAVE_UP", "COMPLETED"]
+        assert [str(each.status) for each in reader.runs()] == ["GAVE_UP", "COMPLETED"]
 
 
 def test_a_crash_in_the_plan_that_a_real_runner_has_submitted(tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_a_crash_in_the_plan_that_a_real_runner_has_submitted(tmp_path: Path) ->
     with JournalReader(str(tmp_path / "run.db")) as reader:
         reader.verify_queue()
         assert [row[2] for row in reader.queue()].count("SUBMITTED") == 2
-        assert [str(found.status) for found in reader.runs()] == ["COMPLETED", "COMPLETED"]
+        assert [str(each.status) for each in reader.runs()] == ["COMPLETED", "COMPLETED"]
 
 
 def test_standard_input_holds_one_plan(tmp_path: Path) -> None:
@@ -136,11 +136,11 @@ def test_standard_input_holds_one_plan(tmp_path: Path) -> None:
 def test_plans_are_checked_in_another_process() -> None:
     options = check_options()
     with CheckApart() as apart:
-        found = [apart.check(text.encode(), "p.xml", options) for text in (ACCEPTED, REJECTED)]
+        actual = [apart.check(text.encode(), "p.xml", options) for text in (ACCEPTED, REJECTED)]
         assert apart._kept is not None
         child = apart._kept.current().child
         assert child.pid != os.getpid()
-    assert [report.verdict for report in found] == [Verdict.ACCEPTED, Verdict.REJECTED]
+    assert [report.verdict for report in actual] == [Verdict.ACCEPTED, Verdict.REJECTED]
     assert child.exit_code() == -signal.SIGKILL
 
 

@@ -93,9 +93,9 @@ def test_the_steps_that_a_proof_may_take_are_those_of_the_command_line(tmp_path:
 def test_json_of_a_tree_is_that_of_its_journal(tmp_path: Path) -> None:
     file = machine(tmp_path)
     done = run("run", file, "--seed", "2", "--format", "json", "--journal", "j.db", cwd=tmp_path)
-    told = [json.loads(line) for line in done.stdout.splitlines()[1:]]
-    assert [row for row in told if "seq" in row] == rows("j.db", tmp_path)
-    elements = {row["element"] for row in told if "element" in row}
+    documents = [json.loads(line) for line in done.stdout.splitlines()[1:]]
+    assert [row for row in documents if "seq" in row] == rows("j.db", tmp_path)
+    elements = {row["element"] for row in documents if "element" in row}
     assert "/root/BehaviorTree[1]/Sequence[1]/Repeat[1]/Say[1]" in elements
 
 

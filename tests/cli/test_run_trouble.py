@@ -22,10 +22,10 @@ WAIT = "generic_capabilities/WaitRunner"
 WAITS = f'<Plan>\n<Runner interface="{WAIT}" provider="{WAIT}" seconds="50"/>\n</Plan>\n'
 
 
-def told(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 2) -> str:
-    found = main(list(arguments))
+def complaint(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 2) -> str:
+    exit_code = main(list(arguments))
     out, err = capsys.readouterr()
-    assert found == code, (found, out, err)
+    assert exit_code == code, (exit_code, out, err)
     return err
 
 
@@ -41,9 +41,9 @@ def test_a_file_without_a_name_is_refused(
     option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path, a=PLAN)
-    error = told("run", "a.xml", option, "", capsys=capsys)
+    error = complaint("run", "a.xml", option, "", capsys=capsys)
     assert f"{option} needs the name of a file, not an empty one" in error
-    assert [found.name for found in tmp_path.iterdir()] == ["a.xml"]
+    assert [each.name for each in tmp_path.iterdir()] == ["a.xml"]
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_journal_of_which_nothing_has_been_run(
     write(tmp_path, a=PLAN)
     assert callable(leave)
     leave(tmp_path)
-    error = told("resume", "run.db", capsys=capsys)
+    error = complaint("resume", "run.db", capsys=capsys)
     assert error == (
         "gpsfsm: run.db: it contains no run. If it is a copy, copy run.db-wal and run.db-seen "
         "as well; otherwise nothing of the plan has been run: run it again\n"
@@ -119,7 +119,7 @@ def test_a_heading_that_is_lost_with_the_log_is_damage(
     killed(tmp_path)
     log = tmp_path / "run.db-wal"
     os.truncate(log, int(log.stat().st_size * share))
-    error = told(*arguments, capsys=capsys)
+    error = complaint(*arguments, capsys=capsys)
     assert "the journal is damaged" in error
     assert "missing at its end; run.db-wal is cut off" in error
 
@@ -135,11 +135,11 @@ def test_a_witness_that_cannot_be_read_is_told_of(
     killed(tmp_path)
     (tmp_path / "run.db-seen").write_bytes(witness)
     more = ("a.xml", "--failure", "0", "--journal") if command == "run" else ()
-    error = told(command, *more, "run.db", capsys=capsys, code=0)
+    error = complaint(command, *more, "run.db", capsys=capsys, code=0)
     assert error.startswith("gpsfsm: run.db-seen is empty or damaged, so whether the end of run.db")
     if command in ("resume", "run"):  # then it is as it must be again, and goes with the end
         assert not (tmp_path / "run.db-seen").exists()
-        assert told("events", "run.db", capsys=capsys, code=0) == ""
+        assert complaint("events", "run.db", capsys=capsys, code=0) == ""
 
 
 @pytest.mark.parametrize("command", ["events", "replay", "resume"])
@@ -153,7 +153,7 @@ def test_a_plan_that_is_no_text_is_damaged(
         connection.execute("CREATE TABLE content AS SELECT * FROM old")
         change = "UPDATE content SET bytes = CAST(x'3cff1b5b' AS TEXT) WHERE length(bytes) < 999"
         connection.execute(change)
-    error = told(command, "run.db", capsys=capsys)
+    error = complaint(command, "run.db", capsys=capsys)
     if command == "events":  # it goes on behind the first damage
         assert "run.db: the plan of run 1 is damaged" in error
     assert "run.db: the journal is damaged: its table content differs" in error
@@ -170,7 +170,7 @@ def test_text_that_is_no_text_anywhere_else_is_damage(
         assert isinstance(connection, sqlite3.Connection)
         connection.execute("UPDATE event SET message = CAST(x'ff1b' AS TEXT) WHERE seq = 5")
     capsys.readouterr()
-    assert "the journal is damaged (a text in it cannot be decoded)" in told(
+    assert "the journal is damaged (a text in it cannot be decoded)" in complaint(
         "events", "run.db", capsys=capsys
     )
 

@@ -87,16 +87,16 @@ def test_refusals(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     write(tmp_path, a=text)
-    found, err = show("a.xml", capsys=capsys, code=1)
-    assert found.items() >= expected.items()
+    output, err = show("a.xml", capsys=capsys, code=1)
+    assert output.items() >= expected.items()
     assert err.startswith(f"gpsfsm: {said}")
 
 
 def test_limits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=f"<Plan>{GO * 1100}</Plan>")
     for option in ("--max-bytes", "--max-elements"):
-        found, err = show("a.xml", option, "20", capsys=capsys, code=2)
-        assert found is None
+        output, err = show("a.xml", option, "20", capsys=capsys, code=2)
+        assert output is None
         assert err.startswith("gpsfsm: a.xml: ")
         assert option in err
 
@@ -140,8 +140,8 @@ def test_the_automaton_of_an_engine(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["show", "a.xml", "--engine", "fabric-v1", "--format", "mermaid"]) == 0
     assert "|SUCCEEDED: ABORT|" in capsys.readouterr().out
     assert main(["show", "a.xml", "--engine", "fabric-v2", "--format", "json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["engine"] == {
+    document = json.loads(capsys.readouterr().out)
+    assert document["engine"] == {
         "name": "fabric-v2",
         "silent": [1, 2, 3],
         "breaking": [4, 5],

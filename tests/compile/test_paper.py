@@ -109,8 +109,8 @@ def test_connections_when_runners_may_not_start(whole: P, wanted: str) -> None:
 def test_the_graph_is_the_same_and_frozen() -> None:
     automaton = compile_plan(plan_of(plan("A", rec("B"), par_all("C", "D")))).automaton
     graph = automaton.graph
-    found = sorted((s, Event(data["event"]), t) for s, t, data in graph.edges(data=True))
-    assert found == sorted(automaton.edges)
+    actual = sorted((s, Event(data["event"]), t) for s, t, data in graph.edges(data=True))
+    assert actual == sorted(automaton.edges)
     assert graph.nodes[0]["kind"] == "start"
     with pytest.raises(Exception, match=r"[Ff]rozen"):
         graph.add_node("other")

@@ -19,7 +19,7 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.model.event import Event
 from gpsfsm.model.report import Loaded
-from tests.cases import batches
+from tests.cases import batches, many
 from tests.compile.test_trees_engines import uses_of
 from tests.compile.tree_facts import Play
 from tests.compile.tree_facts import facts as by_force
@@ -54,27 +54,27 @@ def decided(compiled: Compiled, options: AnalysisOptions) -> Facts:
     constraints = constraints_of(
         compiled.automaton.plan, faults=options.faults, assumptions=options.assumptions
     )
-    found = decide(compiled, constraints, options).facts()
-    assert found is not None
-    return found
+    answer = decide(compiled, constraints, options).facts()
+    assert answer is not None
+    return answer
 
 
-def in_words_of_the_tree(compiled: Compiled, found: Facts) -> dict[str, Any]:
+def in_words_of_the_tree(compiled: Compiled, facts: Facts) -> dict[str, Any]:
     """The facts about uses of leaves instead of element paths."""
     plan = compiled.automaton.plan
     use = dict(zip(map(plan.path, plan.runners), uses_of(compiled), strict=True))
-    assert found.loaded is not None
+    assert facts.loaded is not None
     return {
-        "completes": found.completes,
-        "gives_up": found.gives_up,
-        "unreachable": {use[path] for path in found.unreachable},
-        "fewest": found.fewest_failures_to_give_up,
+        "completes": facts.completes,
+        "gives_up": facts.gives_up,
+        "unreachable": {use[path] for path in facts.unreachable},
+        "fewest": facts.fewest_failures_to_give_up,
         "dangling": {
             (use[each.runner], each.event is Event.SUCCEEDED): each.effect
-            for each in found.dangling
+            for each in facts.dangling
         },
-        "orphans": {use[path] for path in found.orphans},
-        "peak": found.loaded.peak,
+        "orphans": {use[path] for path in facts.orphans},
+        "peak": facts.loaded.peak,
     }
 
 
@@ -87,11 +87,11 @@ def test_both_deciders_find_the_facts_of_brute_force(part: int) -> None:
         compiled = compiled_of(tree)
         wanted = by_force(tree, allowed)
         for solver in ("structural", "z3"):
-            found = decided(compiled, replace(options, solver=solver))
-            assert found.stuck == "never"
-            assert not found.join_deadlocks
-            told = in_words_of_the_tree(compiled, found)
-            assert told == wanted, (solver, options, to_xml(tree))
+            decision = decided(compiled, replace(options, solver=solver))
+            assert decision.stuck == "never"
+            assert not decision.join_deadlocks
+            worded = in_words_of_the_tree(compiled, decision)
+            assert worded == wanted, (solver, options, to_xml(tree))
 
 
 @pytest.mark.parametrize("part", batches(_PARTS))
@@ -117,14 +117,14 @@ def tree_of(body: str) -> str:
 
 
 def test_large_trees_need_no_z3(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Thousands of leaves below all kinds of nodes."""
+    """Hundreds of leaves below all kinds of nodes, with CASES=all thousands of them."""
     monkeypatch.setattr("gpsfsm.analysis.decide.Solver", None)
     part = (
         "<Inverter><Fallback><A{0}/><B{0}/></Fallback></Inverter>"
         '<Parallel success_count="2" failure_count="2"><C{0}/><D{0}/><E{0}/></Parallel>'
         "<IfThenElse><F{0}/><G{0}/><Inverter><H{0}/></Inverter></IfThenElse>"
     )
-    size = 300
+    size = many(300)
     body = "".join(part.format(number) for number in range(size))
     facts = check_text(tree_of(f"<Sequence>{body}</Sequence>"), "t.xml", CheckOptions()).facts
     assert facts is not None
@@ -187,7 +187,7 @@ def check_canonical(tree: T) -> None:
         runs.append((decided, run.play(tree), run.triggered))
     for number, use in enumerate(uses):
         unit = structure.unit_of[number]
-        found: dict[str, list[list[int]]] = {"same": [], "other": [], "outlive": []}
+        results: dict[str, list[list[int]]] = {"same": [], "other": [], "outlive": []}
         for decided, end, triggered in runs:
             if use not in triggered:
                 continue
@@ -195,10 +195,10 @@ def check_canonical(tree: T) -> None:
             others = [other for other in failing if other != number]
             turned = Play({**decided, use: not decided[use]}).play(tree)
             if turned is not end:
-                found["same" if end is decided[use] else "other"].append(others)
+                results["same" if end is decided[use] else "other"].append(others)
             if Play({**decided, use: None}).play(tree) is True:
-                found["outlive"].append(others)
-        told = {
+                results["outlive"].append(others)
+        deviations = {
             "same": partial(structure.failing_around, unit),
             "other": partial(structure.failing_around, unit, same=False),
             "outlive": partial(structure.failing_to_outlive, unit),
@@ -208,10 +208,10 @@ def check_canonical(tree: T) -> None:
             "other": structure.success_fails_plan[unit],
             "outlive": structure.outlived[unit],
         }
-        for way, scenarios in found.items():
+        for way, scenarios in results.items():
             assert possible[way] is bool(scenarios), (way, use, to_xml(tree))
             if scenarios:
-                assert sorted(told[way]()) == first(scenarios), (way, use, to_xml(tree))
+                assert sorted(deviations[way]()) == first(scenarios), (way, use, to_xml(tree))
 
 
 @pytest.mark.parametrize("part", batches(_PARTS))

@@ -51,11 +51,11 @@ def compiled_of(tree: T) -> Compiled:
 def uses_of(compiled: Compiled) -> list[Use]:
     """The uses of the leaves, in the order of the runner instances."""
     plan = compiled.automaton.plan
-    found = []
+    uses = []
     for runner in plan.runners:
         _, _, copy = plan.path(runner).partition("@")
-        found.append((runner.interface, int(copy or "1")))
-    return found
+        uses.append((runner.interface, int(copy or "1")))
+    return uses
 
 
 def scenarios(uses: list[Use]) -> Iterator[dict[Use, bool]]:
@@ -101,8 +101,8 @@ class Leaf(py_trees.behaviour.Behaviour):  # type: ignore[misc]  # py_trees has 
     def update(self) -> py_trees.common.Status:
         if self.status is not py_trees.common.Status.RUNNING:
             return py_trees.common.Status.RUNNING
-        found = self.world.outcomes[self.use]
-        return py_trees.common.Status.SUCCESS if found else py_trees.common.Status.FAILURE
+        outcome = self.world.outcomes[self.use]
+        return py_trees.common.Status.SUCCESS if outcome else py_trees.common.Status.FAILURE
 
 
 def to_py_trees(tree: T, world: World) -> py_trees.behaviour.Behaviour:

@@ -65,7 +65,7 @@ def libraries(draw: st.DrawFn) -> Library:
     for name in ("t/A", "t/B", "t/C"):
         taken = draw(st.lists(inputs, max_size=1, unique_by=lambda each: each.name))
         configured = draw(st.lists(parameters, max_size=2, unique_by=lambda each: each.name))
-        given_ = draw(
+        drawn = draw(
             st.lists(
                 outputs, min_size=1, max_size=2, unique_by=lambda each: (each.name, each.event)
             )
@@ -73,7 +73,7 @@ def libraries(draw: st.DrawFn) -> Library:
         providers.append(
             Provider(
                 name, name, described=True, configuration=tuple(configured),
-                inputs=tuple(taken), outputs=tuple(given_),
+                inputs=tuple(taken), outputs=tuple(drawn),
             )
         )  # fmt: skip
     named = tuple(Interface(each.name) for each in providers)
@@ -151,8 +151,8 @@ def first_refusal(plan: EnginePlan, library: Library) -> str:
         for wanted in provider.inputs if provider else ():
             assert provider is not None
             upstream = not wanted.satisfiable_from or Source.UPSTREAM in wanted.satisfiable_from
-            found = upstream and any(matching(plan.connections, entry, wanted, library))
-            if wanted.demanded and not found and not any(by_plan(entry, wanted, provider)):
+            taken = upstream and any(matching(plan.connections, entry, wanted, library))
+            if wanted.demanded and not taken and not any(by_plan(entry, wanted, provider)):
                 key = f" (semantic_key={wanted.semantic_key})" if wanted.semantic_key else ""
                 name = entry.source.interface
                 return (
@@ -164,7 +164,7 @@ def first_refusal(plan: EnginePlan, library: Library) -> str:
 
 def missing(plan: EnginePlan, library: Library) -> list[tuple[int, str]]:
     """The demanded inputs that the plan passes with, and that are not there at run time."""
-    found = []
+    lacking = []
     for entry in plan.connections:
         provider = library.provider(entry.source.interface)
         for wanted in provider.inputs if provider else ():
@@ -175,8 +175,8 @@ def missing(plan: EnginePlan, library: Library) -> list[tuple[int, str]]:
             )
             here = wanted.name in {each.name for each in entry.source.parameters}
             if wanted.demanded and not (comes or here or by_plan(entry, wanted, provider)[1]):
-                found.append((entry.source.instance, wanted.name))
-    return found
+                lacking.append((entry.source.instance, wanted.name))
+    return lacking
 
 
 # -- the comparison --------------------------------------------------------------------------------
@@ -209,10 +209,10 @@ def test_validation(children: tuple[Node, ...], library: Library) -> None:
         for each in third.connections.connections
         if each.source.element is not None
     ]
-    told = Validation(third.compiled, library).unreceived()
-    found = [(instances[each.runner], each.wanted.name) for each in told]
-    assert found == missing(third.connections, library)
-    if found:
+    unreceived = Validation(third.compiled, library).unreceived()
+    actual = [(instances[each.runner], each.wanted.name) for each in unreceived]
+    assert actual == missing(third.connections, library)
+    if actual:
         event("accepted, and something is missing")
 
 
@@ -230,7 +230,7 @@ TAKE = Provider("t/Take", "t/Take", described=True, inputs=(Input("x", demanded=
 ELSE = Provider("t/Else", "t/Else", described=True)
 
 
-def known(*providers: Provider, complete: bool = True) -> Library:
+def library_of(*providers: Provider, complete: bool = True) -> Library:
     named = tuple(Interface(name) for name in dict.fromkeys(each.implements for each in providers))
     return Library(named, providers, complete=complete)
 
@@ -242,15 +242,15 @@ def step(name: str, more: str = "", provider: str = "") -> str:
 def outcome(library: Library, *steps: str) -> str:
     """The reason of the refusal, "" if there is none."""
     text = f"<Plan>{''.join(steps)}</Plan>"
-    found = read_for_engine(text, "fabric-v3", "plan.xml", library)
-    if isinstance(found, EngineReading):
+    reading = read_for_engine(text, "fabric-v3", "plan.xml", library)
+    if isinstance(reading, EngineReading):
         return ""
-    assert isinstance(found.result, Rejected)
-    assert found.result.elements == ()
-    return f"{found.line}:{found.column} {found.result.reason}"
+    assert isinstance(reading.result, Rejected)
+    assert reading.result.elements == ()
+    return f"{reading.line}:{reading.column} {reading.result.reason}"
 
 
-LIBRARY = known(GIVE, TAKE, ELSE)
+LIBRARY = library_of(GIVE, TAKE, ELSE)
 
 
 def test_a_value_behind_a_join_is_told_as_such() -> None:
@@ -289,14 +289,14 @@ def test_a_provider_that_the_robot_lacks() -> None:
 
 def test_nobody_knows_what_an_undescribed_runner_hands_over() -> None:
     assert outcome(replace(LIBRARY, complete=False), step("t/Fly"), step("t/Take")) == ""
-    silent = known(TAKE, Provider("t/Old", "t/Old", version="1.1"))
+    silent = library_of(TAKE, Provider("t/Old", "t/Old", version="1.1"))
     assert "nothing provides" in outcome(silent, step("t/Old"), step("t/Take"))
 
 
 def test_a_definition_that_is_lent_is_none_to_the_engine() -> None:
     """The robot's own file, of an older form, says nothing of inputs and outputs."""
     older = Library(providers=(Provider("t/Take", "t/Take", version="1.1", origin="robot.yaml"),))
-    assert outcome(known(TAKE).extended(older), step("t/Take")) == ""
+    assert outcome(library_of(TAKE).extended(older), step("t/Take")) == ""
     older = Library(providers=(Provider("t/Give", "t/Give", version="1.1", origin="robot.yaml"),))
     assert "nothing provides" in outcome(LIBRARY.extended(older), step("t/Give"), step("t/Take"))
 
@@ -305,13 +305,13 @@ def test_kinds_of_what_is_missing_at_run_time() -> None:
     wanted = Input(
         "y", semantic_key="x", aliases=("z",), satisfiable_from=UPSTREAM_OR_PLAN, demanded=True
     )
-    told = replace(TAKE, inputs=(wanted,))
-    library = known(GIVE, told)
+    changed = replace(TAKE, inputs=(wanted,))
+    library = library_of(GIVE, changed)
     for steps, kind in (
         ((step("t/Give"), step("t/Take")), Taken),
         ((step("t/Take", 'z="1"'),), Renamed),
     ):
         reading = read_for_engine(f"<Plan>{''.join(steps)}</Plan>", "fabric-v3", "a", library)
         assert isinstance(reading, EngineReading)
-        (found,) = Validation(reading.compiled, library).unreceived()
-        assert isinstance(found, kind)
+        (actual,) = Validation(reading.compiled, library).unreceived()
+        assert isinstance(actual, kind)

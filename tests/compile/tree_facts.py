@@ -149,10 +149,10 @@ def _loads(tree: T, every: list[Use], ways: list[tuple[bool, ...]]) -> Iterator[
 class Walk:
     """Walks from the end of the tree to its beginning.
 
-    ``found`` are the events that lead to no leaf and not to completion; True is a success.
+    ``unled`` are the events that lead to no leaf and not to completion; True is a success.
     """
 
-    found: set[tuple[Use, bool]] = field(default_factory=set)
+    unled: set[tuple[Use, bool]] = field(default_factory=set)
 
     def enter(
         self, tree: T, success: bool, failure: bool, rounds: tuple[tuple[int, int], ...]
@@ -164,7 +164,7 @@ class Walk:
             for at, of in rounds:
                 number = number * of + at
             use = (tree.leaf, number + 1)
-            self.found |= {
+            self.unled |= {
                 (use, event) for event, leads in ((True, success), (False, failure)) if not leads
             }
             return True
@@ -203,4 +203,4 @@ class Walk:
 def _dangling(tree: T) -> set[tuple[Use, bool]]:
     walk = Walk()
     walk.enter(tree, True, False, ())
-    return walk.found
+    return walk.unled

@@ -53,11 +53,11 @@ def oracle_plan(text: str) -> oracle.P:
 
 def _node(element: ET.Element) -> Node:
     if element.tag == "Control":
-        found = element.get("type", "")
-        for known in get_args(Type):
-            if found == known:
-                return oracle.C(known, tuple(_node(child) for child in element))
-        raise ValueError(f"a control of type '{found}'")
+        response = element.get("type", "")
+        for each in get_args(Type):
+            if response == each:
+                return oracle.C(each, tuple(_node(child) for child in element))
+        raise ValueError(f"a control of type '{response}'")
     if element.tag != "Runner" or len(element):
         raise ValueError(f"a <{element.tag}> with {len(element)} children")
     interface = element.get("interface", "")
@@ -66,8 +66,10 @@ def _node(element: ET.Element) -> Node:
     if interface.endswith(_ENDINGS):
         interface = oracle.COMPLETION  # the oracle knows one spelling
     provider = element.get("provider", "")
-    given = [(k, v) for k, v in element.items() if k not in ("interface", "provider", *_LABELS)]
-    words = [_word(parameter_name(interface, provider, name), value) for name, value in given]
+    attributes = [
+        (k, v) for k, v in element.items() if k not in ("interface", "provider", *_LABELS)
+    ]
+    words = [_word(parameter_name(interface, provider, name), value) for name, value in attributes]
     return oracle.R(
         " ".join([interface, *words]),
         label=element.get("name", ""),
@@ -88,7 +90,7 @@ def instances(text: str) -> tuple[Instance, ...]:
     root = ET.fromstring(text)  # noqa: S314  (our own text)
     whole = oracle_plan(text)
     paths = oracle.runner_paths(whole)
-    bare = re.sub(r"<!--.*?-->", lambda found: "\n" * found[0].count("\n"), text, flags=re.DOTALL)
+    bare = re.sub(r"<!--.*?-->", lambda actual: "\n" * actual[0].count("\n"), text, flags=re.DOTALL)
     lines = [n for n, line in enumerate(bare.splitlines(), 1) if line.lstrip().startswith("<Runn")]
     elements = list(root.iter("Runner"))
     if len(lines) != len(elements):
@@ -110,17 +112,17 @@ class OracleOptions:
     @classmethod
     def of(cls, words: Sequence[str]) -> OracleOptions:
         """From command line words; those that do not concern the oracle are passed over."""
-        found = cls()
+        facts = cls()
         pending = list(words)
         while pending:
             word = pending.pop(0)
             if word == "--assume":
-                found.assumptions.append(pending.pop(0))
+                facts.assumptions.append(pending.pop(0))
             elif word == "--faults":
-                found.faults = frozenset(pending.pop(0).split(","))
+                facts.faults = frozenset(pending.pop(0).split(","))
             elif word == "--consistent":
-                found.consistent = True
-        return found
+                facts.consistent = True
+        return facts
 
 
 def oracle_facts(text: str, options: OracleOptions) -> dict[str, Any] | None:
@@ -129,26 +131,26 @@ def oracle_facts(text: str, options: OracleOptions) -> dict[str, Any] | None:
     placed = instances(text)
     parts = [_constraint(words, placed) for words in options.assumptions]
     runners = [at.node for at in place(whole).walk() if isinstance(at.node, oracle.R)]
-    known = [described(runner.interface, runner.provider) for runner in runners]
+    entries = [described(runner.interface, runner.provider) for runner in runners]
     world = World(
         whole,
-        [one for one in known if one is not None],
+        [one for one in entries if one is not None],
         faults=options.faults,
         consistent=options.consistent,
         constraint=lambda scenario: all(part(scenario) for part in parts),
     )
-    found = oracle.facts(
+    answer = oracle.facts(
         whole, faults=world.faults, consistent=options.consistent, constraint=world.allows
     )
     load = loaded(world)
-    if found is None or load is None:
+    if answer is None or load is None:
         return None
-    achieving = {one.path for one in world.instances if one.known and one.known.achieves}
+    achieving = {one.path for one in world.instances if one.described and one.described.achieves}
     missed = {goal for run in world.runs for goal in missed_goals(whole, achieving, run)}
     elements = [at.path for at in place(whole).walk()]
     swallowed = [path for path in elements if path in missed]
     return {
-        **found,
+        **answer,
         **({"swallowed": swallowed} if swallowed else {}),
         "makespan": _interval(makespan(world)),
         "energy": _interval(energy(world)),
@@ -156,8 +158,8 @@ def oracle_facts(text: str, options: OracleOptions) -> dict[str, Any] | None:
     }
 
 
-def _interval(found: Range | None) -> dict[str, float | None] | None:
-    return None if found is None else {"min": found[0], "max": found[1]}
+def _interval(actual: Range | None) -> dict[str, float | None] | None:
+    return None if actual is None else {"min": actual[0], "max": actual[1]}
 
 
 _EVERY = re.compile(r"(never|always) (fails|succeeds|hangs): (.+)")
@@ -189,10 +191,10 @@ def _constraint(words: str, placed: Sequence[Instance]) -> Callable[[Mapping[str
 
 def _selects(selector: str, instance: Instance) -> bool:
     """Whether ``SpeechRunner``, ``WaypointRunner(x=9.0)`` or ``line 7`` is this instance."""
-    found = _SELECTOR.fullmatch(selector)
-    if not found:
+    match = _SELECTOR.fullmatch(selector)
+    if not match:
         raise ValueError(f"the corpus test does not know how to read '{selector}'")
-    interface, parameter, value, line = found.groups()
+    interface, parameter, value, line = match.groups()
     if line:
         return int(line) == instance.line
     if instance.interface.rsplit("/", 1)[-1] != interface:

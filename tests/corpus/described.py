@@ -38,16 +38,16 @@ def _provider(interface: str, provider: str) -> Mapping[str, Any] | None:
     meant = _NAMES.get(provider, provider)
     if _NAMES.get(interface) != meant or meant not in _PROVIDERS:
         return None
-    found = _PROVIDERS[meant]
-    return found if found.get("described") else None
+    entry = _PROVIDERS[meant]
+    return entry if entry.get("described") else None
 
 
 def described(interface: str, provider: str) -> Described | None:
     """What is known about a runner of these names, as the plan spells them."""
-    found = _provider(interface, provider)
-    if found is None:
+    entry = _provider(interface, provider)
+    if entry is None:
         return None
-    outcomes = found.get("outcomes", {})
+    outcomes = entry.get("outcomes", {})
     return Described(
         interface,
         provider,
@@ -55,15 +55,15 @@ def described(interface: str, provider: str) -> Described | None:
             Parameter(
                 one["name"], one.get("required", False), one.get("default"), one.get("type", "")
             )
-            for one in found.get("configuration", ())
+            for one in entry.get("configuration", ())
         ),
-        duration=_bounds(found.get("duration")),
-        energy=_bounds(found.get("energy")),
+        duration=_bounds(entry.get("duration")),
+        energy=_bounds(entry.get("energy")),
         never_fails=outcomes.get("never_fails", False),
         never_succeeds=outcomes.get("never_succeeds", False),
         may_hang=outcomes.get("may_hang", False),
         unless=tuple((name, value) for name, value in outcomes.get("unless", ())),
-        achieves=found.get("achieves", False),
+        achieves=entry.get("achieves", False),
     )
 
 
@@ -73,8 +73,8 @@ def _bounds(span: Mapping[str, Any] | None) -> tuple[float | str, float | str | 
 
 def parameter_name(interface: str, provider: str, name: str) -> str:
     """The name of the parameter that an attribute sets, if by another name of it."""
-    found = _provider(interface, provider) or {}
-    for one in found.get("configuration", ()):
+    entry = _provider(interface, provider) or {}
+    for one in entry.get("configuration", ()):
         if name in one.get("aliases", ()):
             return str(one["name"])
     return name

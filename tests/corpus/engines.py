@@ -33,7 +33,7 @@ def engine_facts(text: str, engine: str) -> dict[str, Any]:
     path = {leaf: reading.plan.path(reading.plan.elements[places[leaf]]) for leaf in leaves}
     played = [(scenario, *machine.ends(scenario)) for scenario in scenarios(machine)]
     reached = set().union(*(some for _, _, some in played))
-    ends = [found for _, found, _ in played]
+    ends = [each for _, each, _ in played]
     interfaces = {machine.of[leaf].source.interface for leaf in leaves}
     return {
         "runners": len(leaves),
@@ -62,16 +62,16 @@ def engine_facts(text: str, engine: str) -> dict[str, Any]:
 
 
 def _frequency(ends: Sequence[set[str]], end: str) -> str:
-    if not any(end in found for found in ends):
+    if not any(end in each for each in ends):
         return "never"
-    return "always" if all(found == {end} for found in ends) else "sometimes"
+    return "always" if all(each == {end} for each in ends) else "sometimes"
 
 
 def _effect(played: Sequence[Any], leaf: int, succeeds: bool) -> str:
     """``stuck`` if the plan hangs because of this outcome, and would not with the other one."""
-    ends = {frozenset(scenario.items()): found for scenario, found, _ in played}
-    for scenario, found, reached in played:
-        if scenario[leaf] is not succeeds or leaf not in reached or "HANG" not in found:
+    ends = {frozenset(scenario.items()): each for scenario, each, _ in played}
+    for scenario, path, reached in played:
+        if scenario[leaf] is not succeeds or leaf not in reached or "HANG" not in path:
             continue
         if "HANG" not in ends[frozenset({**scenario, leaf: not succeeds}.items())]:
             return "stuck"

@@ -50,11 +50,11 @@ def _file(sidecar: Sidecar) -> Path:
 
 @cache
 def _sections(file: Path) -> dict[str, str]:
-    found: dict[str, str] = {}
+    sections: dict[str, str] = {}
     for section in file.read_text(encoding="utf-8").split("== ")[1:]:
         title, _, text = section.partition("\n")
-        found[title] = text.rstrip("\n")
-    return found
+        sections[title] = text.rstrip("\n")
+    return sections
 
 
 def main() -> None:

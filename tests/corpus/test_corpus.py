@@ -74,11 +74,11 @@ class Sidecar:
 
 
 def sidecars_of(plan: Path) -> list[Sidecar]:
-    found = []
+    sidecars = []
     for file in sorted(plan.parent.glob(f"{plan.stem}.*{SUFFIX[1:]}")):
         variant = file.name.removeprefix(plan.stem).removesuffix(SUFFIX).removeprefix(".")
-        found.append(Sidecar(file, plan, variant, json.loads(file.read_text("utf-8"))))
-    return found
+        sidecars.append(Sidecar(file, plan, variant, json.loads(file.read_text("utf-8"))))
+    return sidecars
 
 
 SIDECARS = [sidecar for plan in PLANS for sidecar in sidecars_of(plan)]
@@ -110,7 +110,7 @@ ON_ENGINES = [
     for sidecar in SIDECARS
     if sidecar.expected["facts"] is not None and engine_of(sidecar.options) is not None
 ]
-EXAMPLES = [found for found in all_rules() if found.code not in WITHOUT_PLANS]
+EXAMPLES = [each for each in all_rules() if each.code not in WITHOUT_PLANS]
 
 
 @pytest.mark.parametrize("sidecar", SIDECARS, ids=str)
@@ -118,11 +118,11 @@ def test_a_plan_is_judged_as_its_sidecar_says(sidecar: Sidecar, tmp_path: Path) 
     code, report = check([sidecar.plan], sidecar.options, tmp_path / "report.json")
 
     (entry,) = report["plans"]
-    found = [
+    actual = [
         [finding["rule"], finding["location"]["line"], finding["severity"]]
         for finding in entry["findings"]
     ]
-    assert found == sidecar.expected["findings"]
+    assert actual == sidecar.expected["findings"]
     assert entry["facts"] == sidecar.expected["facts"]
     assert entry["verdict"] == sidecar.expected["verdict"]
     assert code == sidecar.expected["exit"]
@@ -138,10 +138,10 @@ def test_the_facts_of_a_sidecar_are_those_of_brute_force(sidecar: Sidecar, text:
 def test_the_facts_on_an_engine_are_those_of_brute_force(sidecar: Sidecar) -> None:
     engine = engine_of(sidecar.options)
     assert engine is not None
-    found = engine_facts(sidecar.plan.read_text("utf-8"), engine)
+    facts = engine_facts(sidecar.plan.read_text("utf-8"), engine)
     expected = dict(sidecar.expected["facts"])
     expected.pop("join_deadlocks")
-    assert found == expected
+    assert facts == expected
 
 
 def test_brute_force_judges_every_plan_of_a_task() -> None:
@@ -187,14 +187,14 @@ def test_there_are_plans_for_rules_only() -> None:
 
 @pytest.mark.parametrize("rule", EXAMPLES, ids=lambda rule: rule.code)
 def test_a_rule_finds_its_bad_example_and_not_its_good_one(rule: Rule, tmp_path: Path) -> None:
-    found = {}
+    actual = {}
     for name, text in (("bad", rule.bad), ("good", rule.good)):
         plan = tmp_path / f"{name}.xml"
         plan.write_bytes(text.encode())
         _, report = check([plan], rule.options, tmp_path / "report.json")
-        found[name] = [finding["rule"] for finding in report["plans"][0]["findings"]]
-    assert rule.code in found["bad"]
-    assert rule.code not in found["good"]
+        actual[name] = [finding["rule"] for finding in report["plans"][0]["findings"]]
+    assert rule.code in actual["bad"]
+    assert rule.code not in actual["good"]
 
 
 @pytest.mark.parametrize("code", sorted(WITHOUT_PLANS))

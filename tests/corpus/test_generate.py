@@ -116,8 +116,16 @@ class TestNested:
         guarded = parallel_all[0]
         parallel_any = guarded[0]
         again = parallel_any[0]
-        found = [c.get("type") for c in (sequential, parallel_all, guarded, parallel_any, again)]
-        assert found == ["sequential", "parallel_all", "sequential", "parallel_any", "sequential"]
+        responses = [
+            c.get("type") for c in (sequential, parallel_all, guarded, parallel_any, again)
+        ]
+        assert responses == [
+            "sequential",
+            "parallel_all",
+            "sequential",
+            "parallel_any",
+            "sequential",
+        ]
         assert types(guarded) == ["parallel_any", "recovery"]
         assert types(guarded[1]) == ["parallel_any"]
 
@@ -155,8 +163,8 @@ class TestRandom:
 
     def test_all_control_types_and_equal_actions_occur(self) -> None:
         root = tree(generate.random(1, 300))
-        found = {control.get("type") for control in root.iter("Control")}
-        assert found == {"sequential", "recovery", "parallel_any", "parallel_all"}
+        responses = {control.get("type") for control in root.iter("Control")}
+        assert responses == {"sequential", "recovery", "parallel_any", "parallel_all"}
         actions = [action(runner) for runner in root.iter("Runner")]
         assert 30 < len(set(actions)) < len(actions)
 
@@ -221,9 +229,9 @@ class TestCommandLine:
 
     def test_out_of_range_is_a_message(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert generate.main(["nested", "50", "10"]) == 2
-        found = capsys.readouterr()
-        assert found.out == ""
-        assert found.err.startswith("generate.py: that plan would have more than")
+        output = capsys.readouterr()
+        assert output.out == ""
+        assert output.err.startswith("generate.py: that plan would have more than")
 
     def test_as_a_script(self) -> None:
         done = subprocess.run(

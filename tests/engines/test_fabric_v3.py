@@ -44,9 +44,11 @@ WORLD = str(REPO / "corpus" / "worlds" / "home.yaml")
 UNHEARD = plan(runner(WORDS, speech_text="Hello.", flush="true"), runner(FP))
 
 
-def findings(text: str, code: str, known: Capabilities | None = None) -> list[Finding]:
-    report = check_text(text, "plan.xml", CheckOptions(engine="fabric-v3", capabilities=known))
-    return [found for found in report.findings if found.rule == code]
+def findings(text: str, code: str, capabilities: Capabilities | None = None) -> list[Finding]:
+    report = check_text(
+        text, "plan.xml", CheckOptions(engine="fabric-v3", capabilities=capabilities)
+    )
+    return [finding for finding in report.findings if finding.rule == code]
 
 
 # -- validation ------------------------------------------------------------------------------------
@@ -54,19 +56,19 @@ def findings(text: str, code: str, known: Capabilities | None = None) -> list[Fi
 
 def test_a_refusal_is_a_finding_at_the_runner() -> None:
     behind = plan(locate(), control("recovery", locate()), tell_pose(uuid="u"))
-    (found,) = findings(behind, "GP701")
-    assert found.location.line == 6
+    (finding,) = findings(behind, "GP701")
+    assert finding.location.line == 6
     assert (
         "RobotPoseRunner at line 4 outputs it, but only through the join of the recovery"
-        in found.message
+        in finding.message
     )
     assert (
         "engine message: Unsatisfied required runtime input 'x' for capability prompt_cap"
-        in found.message
+        in finding.message
     )
-    assert found.hint.startswith("put a step that outputs it right before this runner")
-    (found,) = findings(plan(runner(FP)), "GP701")
-    assert found.hint.startswith('write text="…" in the plan, or put a step')
+    assert finding.hint.startswith("put a step that outputs it right before this runner")
+    (finding,) = findings(plan(runner(FP)), "GP701")
+    assert finding.hint.startswith('write text="…" in the plan, or put a step')
     assert not findings(plan(locate(), tell_pose(uuid="u")), "GP701")
     for engine in ("fabric-v1", "fabric-v2"):
         report = check_text(behind, "plan.xml", CheckOptions(engine=engine))
@@ -91,9 +93,9 @@ def test_the_same_by_every_entrance(tmp_path: Path) -> None:
 
 
 def test_a_plan_is_ported_or_the_refusal_is_the_loss() -> None:
-    found = port(plan(runner(FP)), "fabric-v3")
-    assert found.text is None
-    assert "fabric-v3 rejects the plan" in found.losses[0].lost
+    outcome = port(plan(runner(FP)), "fabric-v3")
+    assert outcome.text is None
+    assert "fabric-v3 rejects the plan" in outcome.losses[0].lost
     integer = plan(runner("nav2_capabilities/WaypointRunner", x="1", y="2.0"))
     ported = port(integer, "fabric-v3")
     assert ported.text is not None
@@ -103,14 +105,14 @@ def test_a_plan_is_ported_or_the_refusal_is_the_loss() -> None:
 
 
 def test_what_is_missing_at_run_time_is_a_warning() -> None:
-    (found,) = findings(UNHEARD, "GP710")
-    assert (found.severity.value, found.location.line) == ("warning", 3)
-    assert "the output is called 'speech'" in found.message
-    assert found.hint == 'write text="…" in the plan'
-    (found,) = findings(plan(hear(), control("recovery", note(uuid="u"))), "GP710")
-    assert "'text' comes with SUCCEEDED, but this step is triggered by FAILED" in found.message
-    (found,) = findings(plan(runner(WORDS, task="Hello.", flush="true")), "GP710")
-    assert "'task' is another name of the input 'speech_text'" in found.message
+    (finding,) = findings(UNHEARD, "GP710")
+    assert (finding.severity.value, finding.location.line) == ("warning", 3)
+    assert "the output is called 'speech'" in finding.message
+    assert finding.hint == 'write text="…" in the plan'
+    (finding,) = findings(plan(hear(), control("recovery", note(uuid="u"))), "GP710")
+    assert "'text' comes with SUCCEEDED, but this step is triggered by FAILED" in finding.message
+    (finding,) = findings(plan(runner(WORDS, task="Hello.", flush="true")), "GP710")
+    assert "'task' is another name of the input 'speech_text'" in finding.message
     assert not findings(SPEAKS, "GP710")
 
 
@@ -119,9 +121,9 @@ def test_what_is_missing_at_run_time_is_a_warning() -> None:
 
 def test_the_newest_names_are_its_own() -> None:
     assert not findings(SPEAKS, "GP208")
-    (found,) = findings(plan(runner(OLD, text="a")), "GP208")
-    assert found.severity.value == "warning"
-    assert found.message == f"'{OLD}' is called '{FP}' on fabric-v3"
+    (finding,) = findings(plan(runner(OLD, text="a")), "GP208")
+    assert finding.severity.value == "warning"
+    assert finding.message == f"'{OLD}' is called '{FP}' on fabric-v3"
     assert not [
         each
         for each in check_text(plan(runner(OLD, text="a")), "plan.xml", CheckOptions()).findings
@@ -162,8 +164,8 @@ def test_files_of_the_user_keep_their_names(tmp_path: Path) -> None:
             f"implements: {OLD}\n",
         },
     )
-    known = choose_capabilities([tmp_path])
-    names = library_in_dialect(known.library, "fabric-v3").interface_names
+    capabilities = choose_capabilities([tmp_path])
+    names = library_in_dialect(capabilities.library, "fabric-v3").interface_names
     assert OLD in names
     assert FP not in names
     alone = choose_capabilities([tmp_path], builtin=False)
@@ -177,19 +179,20 @@ def test_a_robot_has_the_names_of_its_engine_or_of_its_list(
     file = tmp_path / "robot.yaml"
     file.write_text(f"name: lab\nengine: fabric-v3\n{listed}", encoding="utf-8")
     assert load_profile(file).settings["engine"] == "fabric-v3"
-    known = choose_capabilities((), robot=file)
-    assert name in known.library.interface_names
+    capabilities = choose_capabilities((), robot=file)
+    assert name in capabilities.library.interface_names
     other = OLD if name == FP else FP
-    (found,) = findings(plan(runner(other, text="a")), "GP208", known)
-    assert found.severity.value == "error"
-    assert found.message == f"'{other}' is called '{name}' on the robot 'lab'"
-    assert not findings(plan(runner(name, text="a")), "GP701", known)
-    (found,) = findings(plan(runner("nav2_capabilities/Fly")), "GP701", known)
+    (finding,) = findings(plan(runner(other, text="a")), "GP208", capabilities)
+    assert finding.severity.value == "error"
+    assert finding.message == f"'{other}' is called '{name}' on the robot 'lab'"
+    assert not findings(plan(runner(name, text="a")), "GP701", capabilities)
+    (finding,) = findings(plan(runner("nav2_capabilities/Fly")), "GP701", capabilities)
     assert (
-        "engine message: Unmatched interface: nav2_capabilities/Fly provider: nav2" in found.message
+        "engine message: Unmatched interface: nav2_capabilities/Fly provider: nav2"
+        in finding.message
     )
     if not listed:
-        speech = known.library.provider(WORDS)
+        speech = capabilities.library.provider(WORDS)
         assert speech is not None
         assert speech.outputs[0].name == "speech"
 
@@ -249,8 +252,8 @@ def test_a_plan_that_generates_the_next_one(
     assert "says: attempt 1 was rejected: GP703: this plan behaves differently" in out, out
     with JournalReader(str(journal)) as reader:
         runs = list(reader.runs())
-        assert [str(found.status) for found in runs] == ["COMPLETED", "COMPLETED"]
-        assert [found.options["engine"] for found in runs] == ["fabric-v3"] * 2
+        assert [str(run.status) for run in runs] == ["COMPLETED", "COMPLETED"]
+        assert [run.options["engine"] for run in runs] == ["fabric-v3"] * 2
         assert reader.content(runs[1], "plan").decode() == good.strip()
 
 
@@ -284,15 +287,15 @@ def test_a_plan_that_is_cancelled_frees_its_runners_and_the_queue_goes_on() -> N
 )
 def test_the_published_files(shared_corpus: Path, steps: tuple[str, ...], message: str) -> None:
     """They require one input, the text of a PromptTextRunner."""
-    known = choose_capabilities([shared_corpus / "capabilities"], builtin=False)
-    reading = read_for_engine(plan(*steps), "fabric-v3", "plan.xml", known.library)
+    capabilities = choose_capabilities([shared_corpus / "capabilities"], builtin=False)
+    reading = read_for_engine(plan(*steps), "fabric-v3", "plan.xml", capabilities.library)
     assert isinstance(reading, EngineReading) is not bool(message)
     if not isinstance(reading, EngineReading):
         assert isinstance(reading.result, Rejected)
         assert reading.result.message.startswith(message)
     assert [
         (each.name, wanted.name)
-        for each in known.library.providers
+        for each in capabilities.library.providers
         for wanted in each.inputs
         if wanted.demanded
     ] == [("prompt_capabilities/PromptTextRunner", "text")]

@@ -20,9 +20,9 @@ both = pytest.mark.parametrize("engine", ["fabric-v1", "fabric-v2"])
 
 
 def reading_of(text: str, engine: str) -> EngineReading:
-    found = read_for_engine(text, engine, "plan.xml", Library())
-    assert isinstance(found, EngineReading), found
-    return found
+    reading = read_for_engine(text, engine, "plan.xml", Library())
+    assert isinstance(reading, EngineReading), reading
+    return reading
 
 
 def facts_of(reading: EngineReading) -> Facts:
@@ -33,9 +33,9 @@ def facts_of(reading: EngineReading) -> Facts:
 
 
 def frequency(ends: list[set[str]], end: str) -> Frequency:
-    if not any(end in found for found in ends):
+    if not any(end in each for each in ends):
         return Frequency.NEVER
-    return Frequency.ALWAYS if all(found == {end} for found in ends) else Frequency.SOMETIMES
+    return Frequency.ALWAYS if all(each == {end} for each in ends) else Frequency.SOMETIMES
 
 
 MAP = '<Runner interface="nav2_capabilities/OccupancyGridRunner" provider="a/P"/>'
@@ -51,7 +51,7 @@ def test_facts(engine: str, text: str) -> None:
     facts = facts_of(reading)
     machine = Machine(reading.connections)
     played = [machine.ends(scenario) for scenario in scenarios(machine)]
-    ends = [found for found, _ in played]
+    ends = [one for one, _ in played]
     reached = set().union(*(some for _, some in played))
     assert facts.engine is not None
     assert facts.completes is frequency(ends, "COMPLETED")
@@ -84,6 +84,6 @@ def test_a_scenario_in_which_two_joins_break_is_shown() -> None:
     )
     rules = [finding.rule for finding in report.findings]
     assert "GP903" not in rules
-    shown = [found.scenario for found in report.findings if found.rule == "GP704"]
+    shown = [each.scenario for each in report.findings if each.rule == "GP704"]
     assert len(shown) == 3
     assert {scenario.ends for scenario in shown if scenario is not None} == {End.ABORT}

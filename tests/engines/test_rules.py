@@ -11,9 +11,11 @@ from gpsfsm.model.capability import Output, Parameter, ValueType
 from tests.analysis.rules.support import library, places, provider, runner
 
 
-def messages(code: str, text: str, known: Capabilities | None = None) -> list[str]:
+def messages(code: str, text: str, capabilities: Capabilities | None = None) -> list[str]:
     """What one rule says about a plan on fabric-v2."""
-    report = check_text(text, "plan.xml", CheckOptions(engine="fabric-v2", capabilities=known))
+    report = check_text(
+        text, "plan.xml", CheckOptions(engine="fabric-v2", capabilities=capabilities)
+    )
     return [finding.message for finding in report.findings if finding.rule == code]
 
 
@@ -21,8 +23,8 @@ def test_each_runner_that_is_cut_off_is_shown_at_its_place() -> None:
     recoveries = control("recovery", go(0.0, 2.0)), control("recovery", go(0.0, 0.0), say("Help."))
     text = plan(go(1.0, 2.0), *recoveries)
     report = check_text(text, "plan.xml", CheckOptions(engine="fabric-v2"))
-    (found,) = [finding for finding in report.findings if finding.rule == "GP706"]
-    assert (found.location.line, places(found)) == (7, [(8, "never runs")])
+    (actual,) = [finding for finding in report.findings if finding.rule == "GP706"]
+    assert (actual.location.line, places(actual)) == (7, [(8, "never runs")])
 
 
 def test_a_join_that_waits_for_two_successes_is_told() -> None:
@@ -43,9 +45,9 @@ def test_an_empty_text_becomes_a_number() -> None:
 
 @pytest.mark.parametrize("optional", [False, True], ids=["surely", "maybe"])
 def test_only_a_value_that_surely_arrives_replaces_one_that_kills(optional: bool) -> None:
-    known = library(
+    capabilities = library(
         provider("a/Find", outputs=(Output("x", ValueType.DOUBLE, optional=optional),)),
         provider("a/Go", configuration=(Parameter("x", ValueType.DOUBLE),)),
     )
     text = plan(runner("a/Find"), runner("a/Go", 'x="1"'))
-    assert bool(messages("GP708", text, Capabilities(known, ()))) is optional
+    assert bool(messages("GP708", text, Capabilities(capabilities, ()))) is optional

@@ -39,24 +39,24 @@ class Recorded:
 def recorded() -> list[Recorded]:
     if not TRACES.exists():
         return []
-    found = []
+    traces = []
     for part in re.split(r"^### ", TRACES.read_text(), flags=re.MULTILINE)[1:]:
         head, *lines = part.splitlines()
         shape, *options = head.split(" | ")
-        told = dict(option.split(": ") for option in options)
-        started = told.get("leaves emit STARTED")
+        options_ = dict(option.split(": ") for option in options)
+        started = options_.get("leaves emit STARTED")
         ends = [_ENDS.get(line.strip()) for line in lines if line.startswith("RESULT")]
-        found.append(
+        traces.append(
             Recorded(
                 "fabric-v1" if started is None else "fabric-v2",
                 shape.removesuffix(" only"),
-                frozenset(told["failing"].split(",")) - {"-"},
+                frozenset(options_["failing"].split(",")) - {"-"},
                 started != "0",
                 tuple(filter(None, map(_leaf, lines))),
                 ends[0] or "" if ends else "ABORT",
             )
         )
-    return found
+    return traces
 
 
 def _leaf(line: str) -> str:

@@ -34,9 +34,9 @@ def test_same_runs_differ_nowhere_and_have_the_same_facts(engine: str, text: str
     on_paper = Context(decide(paper, constraints_of(reading.plan), options))
     decided = decided_like(on_paper, reading.compiled)
     assert decided is not None
-    found, expected = decided.facts(), facts_of(reading)
-    assert found is not None
-    assert asdict(found) == asdict(expected)
+    computed, expected = decided.facts(), facts_of(reading)
+    assert computed is not None
+    assert asdict(computed) == asdict(expected)
 
 
 @both

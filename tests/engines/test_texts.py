@@ -23,7 +23,7 @@ def check(text: str | bytes, engine: str = "fabric-v2", **options: object) -> Pl
 
 
 def only(report: PlanReport, rule: str) -> Finding:
-    (finding,) = [found for found in report.findings if found.rule == rule]
+    (finding,) = [each for each in report.findings if each.rule == rule]
     return finding
 
 
@@ -90,17 +90,17 @@ def test_the_engine_reads_the_bytes() -> None:
 
 def test_a_plan_in_an_answer_keeps_its_lines() -> None:
     text = f'Sure!\r\n\n<Plan>\n{GO}\n<Control type="sequential"/>\n</Plan>\nBye.'
-    found = only(check(text, from_response=True), "GP701")
-    assert (found.location.line, found.location.column) == (5, 1)
-    assert "Unmatched interface" in found.message
+    finding = only(check(text, from_response=True), "GP701")
+    assert (finding.location.line, finding.location.column) == (5, 1)
+    assert "Unmatched interface" in finding.message
     assert "XML_ERROR_PARSING_TEXT" in only(check(text), "GP701").message
 
 
 def test_a_runner_without_a_name_is_said_to_be_one() -> None:
-    found = only(check(f'<Plan>{GO}<Runner interface="" provider="x"/></Plan>'), "GP701")
-    assert "the interface of this runner is empty" in found.message
-    assert "Unmatched interface:  provider: x combination" in found.message
-    assert found.location.column == 7 + len(GO)
+    finding = only(check(f'<Plan>{GO}<Runner interface="" provider="x"/></Plan>'), "GP701")
+    assert "the interface of this runner is empty" in finding.message
+    assert "Unmatched interface:  provider: x combination" in finding.message
+    assert finding.location.column == 7 + len(GO)
 
 
 @both

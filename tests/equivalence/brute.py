@@ -104,17 +104,17 @@ def distance(
     def look(here: History, there: History, pairs: frozenset[tuple[int, int]]) -> int | None:
         """From this moment on, given what came before and which instances were paired before."""
         (started, end), (also, other_end) = first.seen(here), second.seen(there)
-        known = dict(pairs)
-        new = sorted(started - set(known))
-        others = sorted(also - set(known.values()))
+        library = dict(pairs)
+        new = sorted(started - set(library))
+        others = sorted(also - set(library.values()))
         if end != other_end or len(new) != len(others):
             return 0
         worst: int | None = 0
         for more in pairings(new, others):
-            found = None if end else play(here, there, frozenset({**known, **more}.items()))
-            if found is None:
+            shortest = None if end else play(here, there, frozenset({**library, **more}.items()))
+            if shortest is None:
                 return None
-            worst = max(worst or 0, found)
+            worst = max(worst or 0, shortest)
         return worst
 
     def play(here: History, there: History, pairs: frozenset[tuple[int, int]]) -> int | None:
@@ -126,9 +126,9 @@ def distance(
             now, then = here | {(number, success)}, there | {(partner, success)}
             if not (scenarios.admits(now) and others_scenarios.admits(then)):
                 continue
-            found = look(now, then, pairs)
-            if found is not None and (least is None or found + 1 < least):
-                least = found + 1
+            difference = look(now, then, pairs)
+            if difference is not None and (least is None or difference + 1 < least):
+                least = difference + 1
         return least
 
     return look(frozenset(), frozenset(), frozenset())

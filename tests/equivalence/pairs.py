@@ -13,7 +13,7 @@ from tests.support import plan_of
 if TYPE_CHECKING:
     from gpsfsm.equivalence.pairs import Behaviour, Reaction
 
-__all__ = ["differs", "seeded", "told", "wide"]
+__all__ = ["differs", "last_reactions", "seeded", "wide"]
 
 
 def seeded(seed: int) -> random.Random:
@@ -24,10 +24,12 @@ def differs(one: P, other: P, **options: Any) -> Difference | None:
     return compare(plan_of(one), plan_of(other), **options)
 
 
-def told(behaviours: list[Behaviour], found: Difference) -> tuple[Reaction, Reaction]:
+def last_reactions(
+    behaviours: list[Behaviour], difference: Difference
+) -> tuple[Reaction, Reaction]:
     """The last reactions of both plans, played by themselves; before, they are alike."""
     (here, first), (there, second) = (each.begin() for each in behaviours)
-    for (one, other), event in found.steps:
+    for (one, other), event in difference.steps:
         assert same_actions(behaviours, first, second)
         assert behaviours[0].actions[one] == behaviours[1].actions[other]
         here, first = behaviours[0].after(here, one, event)

@@ -22,13 +22,13 @@ def is_recovery(node: Node) -> bool:
 
 def units(children: Children) -> list[list[Node]]:
     """The children with the recoveries that guard them; leading recoveries by themselves."""
-    found: list[list[Node]] = []
+    variants: list[list[Node]] = []
     for child in children:
-        if is_recovery(child) and found:
-            found[-1].append(child)
+        if is_recovery(child) and variants:
+            variants[-1].append(child)
         else:
-            found.append([child])
-    return found
+            variants.append([child])
+    return variants
 
 
 def same(random: random.Random, whole: P) -> P:
@@ -44,19 +44,19 @@ def _same(random: random.Random, children: Children, kind: Type) -> Children:
     groups = [[_node(random, child) for child in group] for group in units(children)]
     if kind.startswith("parallel") and not dead:
         random.shuffle(groups)
-    found: list[Node] = []
+    nodes: list[Node] = []
     for group in groups:
-        found += group if is_recovery(group[0]) else _regrouped(random, group)
+        nodes += group if is_recovery(group[0]) else _regrouped(random, group)
         if kind == "sequential" and random.random() < 0.15:
-            found.append(C("sequential"))
+            nodes.append(C("sequential"))
     if not dead and random.random() < 0.2:  # guards nothing, so what is in it is never triggered
-        found.insert(0, C("recovery", (R(random.choice(ACTIONS)),)))
+        nodes.insert(0, C("recovery", (R(random.choice(ACTIONS)),)))
     if kind == "sequential" and not dead and len(groups) > 1 and random.random() < 0.3:
-        place = random.randrange(len(found))
-        head = found[:place]
-        if head and not is_recovery(found[place]) and not any(map(is_recovery, head[:1])):
-            found = [C("sequential", tuple(head)), *found[place:]]
-    return tuple(found)
+        place = random.randrange(len(nodes))
+        head = nodes[:place]
+        if head and not is_recovery(nodes[place]) and not any(map(is_recovery, head[:1])):
+            nodes = [C("sequential", tuple(head)), *nodes[place:]]
+    return tuple(nodes)
 
 
 def _regrouped(random: random.Random, group: list[Node]) -> list[Node]:
@@ -96,12 +96,12 @@ def mutated(random: random.Random, whole: P) -> P:
 
 
 def _places(children: Children, path: tuple[int, ...]) -> list[tuple[int, ...]]:
-    found = []
+    places = []
     for place, child in enumerate(children):
-        found.append((*path, place))
+        places.append((*path, place))
         if isinstance(child, C):
-            found += _places(child.children, (*path, place))
-    return found
+            places += _places(child.children, (*path, place))
+    return places
 
 
 def _changed(random: random.Random, children: Children, path: tuple[int, ...]) -> Children:

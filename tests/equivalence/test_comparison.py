@@ -21,7 +21,7 @@ from gpsfsm.model.automaton import Traits
 from gpsfsm.model.event import End, Event
 from tests.equivalence import rewriting
 from tests.equivalence.brute import Assumed, distance
-from tests.equivalence.pairs import differs, seeded, told, wide
+from tests.equivalence.pairs import differs, last_reactions, seeded, wide
 from tests.oracle import P, par_all, par_any, plan, rec, runner_paths, seq
 from tests.strategies import constraints, plans
 from tests.support import plan_of
@@ -46,9 +46,9 @@ def test_rewrites_change_nothing(whole: P, seed: int) -> None:
 @given(plans(max_runners=5), st.integers(0, 2**32), st.booleans())
 def test_mutations_are_judged_as_by_brute_force(whole: P, seed: int, consistent: bool) -> None:
     other = rewriting.mutated(seeded(seed), whole)
-    found = differs(whole, other, consistent=consistent)
+    difference = differs(whole, other, consistent=consistent)
     wanted = distance(whole, other, consistent=consistent)
-    assert (None if found is None else len(found.steps)) == wanted
+    assert (None if difference is None else len(difference.steps)) == wanted
     back = differs(other, whole, consistent=consistent)
     assert (None if back is None else len(back.steps)) == wanted
 
@@ -71,9 +71,9 @@ def test_assumptions_are_judged_as_by_brute_force(
     one, other, constraint = drawn
     both = (constraint, constraint)
     if all(Assumed(each, constraint, consistent=consistent).scenarios for each in (one, other)):
-        found = differs(one, other, assumptions=(str(constraint),), consistent=consistent)
+        difference = differs(one, other, assumptions=(str(constraint),), consistent=consistent)
         wanted = distance(one, other, consistent=consistent, assumed=both)
-        assert (None if found is None else len(found.steps)) == wanted
+        assert (None if difference is None else len(difference.steps)) == wanted
         return
     with pytest.raises(GpsfsmError, match="admit no scenario"):
         differs(one, other, assumptions=(str(constraint),), consistent=consistent)
@@ -101,11 +101,11 @@ def test_differences_that_no_pairing_hides_are_differences(
     behaviours = [Behaviour(compile_plan(plan_of(each))) for each in (whole, other)]
     sides = sides_of(*behaviours, consistent=consistent)
     for search in (difference_of_sets, difference_of_late_pairs):
-        found = search(sides, max_work=20_000)
-        if found is not None:
+        match = search(sides, max_work=20_000)
+        if match is not None:
             assert wanted is not None
-            assert len(found.steps) >= wanted
-            assert told(behaviours, found) == (found.first, found.second)
+            assert len(match.steps) >= wanted
+            assert last_reactions(behaviours, match) == (match.first, match.second)
 
 
 @given(plans(max_runners=8), st.integers(0, 2**32), st.booleans())
@@ -153,24 +153,24 @@ def test_exclusive_branches_are_merged_by_z3() -> None:
     one = plan(seq("a", rec("x")), "b", "c")
     other = plan(seq("a", seq("b", "c")))  # without the recovery: not the same
     assert by_z3(one, one) is None
-    found = by_z3(one, other)
-    assert found is not None
-    assert [step.event for step in found.steps] == [Event.FAILED]
+    difference = by_z3(one, other)
+    assert difference is not None
+    assert [step.event for step in difference.steps] == [Event.FAILED]
 
 
 def test_the_difference_is_told_with_both_reactions() -> None:
-    found = differs(plan("a", rec("b")), plan("a"))
-    assert found is not None
-    assert found.steps == (Step(Pair(0, 0), Event.FAILED),)
-    assert (found.first.triggered, found.first.end) == ((1,), None)
-    assert (found.second.triggered, found.second.end) == ((), End.GAVE_UP)
+    difference = differs(plan("a", rec("b")), plan("a"))
+    assert difference is not None
+    assert difference.steps == (Step(Pair(0, 0), Event.FAILED),)
+    assert (difference.first.triggered, difference.first.end) == ((1,), None)
+    assert (difference.second.triggered, difference.second.end) == ((), End.GAVE_UP)
 
 
 def test_a_difference_at_the_beginning_needs_no_outcome() -> None:
-    found = differs(plan("a"), plan("b"))
-    assert found is not None
-    assert found.steps == ()
-    assert found == by_z3(plan("a"), plan("b"))
+    difference = differs(plan("a"), plan("b"))
+    assert difference is not None
+    assert difference.steps == ()
+    assert difference == by_z3(plan("a"), plan("b"))
 
 
 def test_typed_values_count_and_not_their_spelling() -> None:
@@ -183,8 +183,8 @@ def test_typed_values_count_and_not_their_spelling() -> None:
     [("1.005", 0.01, True), ("1.02", 0.01, False), ("1.005", 0.0, False), ("one", 5.0, False)],
 )
 def test_tolerance(value: str, tolerance: float, equal: bool) -> None:
-    found = differs(plan("a x=1"), plan(f"a x={value}"), tolerance=tolerance)
-    assert (found is None) is equal
+    difference = differs(plan("a x=1"), plan(f"a x={value}"), tolerance=tolerance)
+    assert (difference is None) is equal
 
 
 def test_tolerance_links_chains_and_leaves_booleans_alone() -> None:
@@ -196,9 +196,9 @@ def test_tolerance_links_chains_and_leaves_booleans_alone() -> None:
 
 def test_many_equal_actions_side_by_side() -> None:
     one = plan(par_all(*["a"] * 40), "b")
-    found = compare(plan_of(one), plan_of(plan(par_all(*["a"] * 39), "b")))
-    assert found is not None
-    assert found.steps == ()
+    verdict = compare(plan_of(one), plan_of(plan(par_all(*["a"] * 39), "b")))
+    assert verdict is not None
+    assert verdict.steps == ()
     assert compare(plan_of(plan(par_all(*["a"] * 6), "b")), plan_of(plan("c"))) is not None
 
 
@@ -211,9 +211,9 @@ def little_work(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("little_work")
 def test_what_comes_late_behind_many_equal_actions_is_found() -> None:
     branches = [seq("a", f"b x={number}") for number in range(12)]
-    found = differs(plan(par_all(*branches)), plan(par_all(*branches[::-1]), "c"))
-    assert found is not None
-    assert len(found.steps) == 24
+    difference = differs(plan(par_all(*branches)), plan(par_all(*branches[::-1]), "c"))
+    assert difference is not None
+    assert len(difference.steps) == 24
 
 
 def test_what_is_not_decided_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,10 +234,10 @@ def test_plans_too_large_for_the_search_are_proved_by_z3() -> None:
     other = rewriting.same(seeded(3), whole)
     assert compare(plan_of(whole), plan_of(other)) is None
     changed = plan(*whole.children[:1], "x", *whole.children[1:])
-    found = compare(plan_of(whole), plan_of(changed), decider="z3")
-    assert found is not None
-    assert len(found.steps) == 40
-    assert found.shortest
+    verdict = compare(plan_of(whole), plan_of(changed), decider="z3")
+    assert verdict is not None
+    assert len(verdict.steps) == 40
+    assert verdict.shortest
 
 
 def test_a_long_plan_is_searched_state_by_state() -> None:
@@ -246,9 +246,9 @@ def test_a_long_plan_is_searched_state_by_state() -> None:
         compare(plan_of(long), plan_of(plan(seq(*long.children[:900]), *long.children[900:])))
         is None
     )
-    found = differs(long, plan(*long.children[:-1]))
-    assert found is not None
-    assert len(found.steps) == 1000
+    difference = differs(long, plan(*long.children[:-1]))
+    assert difference is not None
+    assert len(difference.steps) == 1000
 
 
 # -- more than the search can visit ------------------------------------------------------------
@@ -277,10 +277,10 @@ def crowd(size: int, **more: str) -> P:
 )  # fmt: skip
 @pytest.mark.usefixtures("little_work")
 def test_many_equal_actions_do_not_hide_a_difference(one: P, other: P) -> None:
-    found = differs(one, other)
-    assert found is not None
+    difference = differs(one, other)
+    assert difference is not None
     behaviours = [Behaviour(compile_plan(plan_of(each))) for each in (one, other)]
-    assert told(behaviours, found) == (found.first, found.second)
+    assert last_reactions(behaviours, difference) == (difference.first, difference.second)
 
 
 def test_units_that_begin_alike_can_be_exchanged() -> None:
@@ -288,9 +288,9 @@ def test_units_that_begin_alike_can_be_exchanged() -> None:
     sides = sides_of(*(Behaviour(compile_plan(plan_of(each))) for each in (one, other)))
     heads = sides.twins[0][::3]
     assert len(set(heads)) == 3
-    found = differs(one, other)
-    assert found is not None
-    assert found.steps == ()
+    difference = differs(one, other)
+    assert difference is not None
+    assert difference.steps == ()
 
 
 # -- assumptions -------------------------------------------------------------------------------
@@ -313,8 +313,8 @@ def test_plans_that_do_the_same_under_an_assumption(one: P, other: P, assumption
 
 def test_an_assumption_about_one_plan_counts_there() -> None:
     one, other = plan("x/A", rec("x/B")), plan(seq("x/A"), rec("x/B", "x/C"))
-    found = differs(one, other, assumptions=("never fails: C", "any B succeeds"))
-    assert found is None  # so C never comes
+    difference = differs(one, other, assumptions=("never fails: C", "any B succeeds"))
+    assert difference is None  # so C never comes
     assert differs(one, other, assumptions=("never fails: C",)) is not None
 
 

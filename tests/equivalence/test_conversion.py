@@ -102,8 +102,8 @@ def test_the_real_engine_runs_what_a_plan_becomes(whole: P, seed: int) -> None:
 
 
 def _without(line: str, attribute: str) -> str:
-    head, found, rest = line.partition(f' {attribute}="')
-    return head + rest[rest.index('"') + 1 :] if found and "<Action" in line else line
+    head, before, rest = line.partition(f' {attribute}="')
+    return head + rest[rest.index('"') + 1 :] if before and "<Action" in line else line
 
 
 @pytest.mark.parametrize("to", ["tree", "plan", "scxml", "yasmin"])

@@ -10,7 +10,7 @@ from gpsfsm.equivalence.alignment import sides_of
 from gpsfsm.equivalence.comparison import TooManyStatesError, lockstep
 from gpsfsm.equivalence.pairs import Behaviour, Reaction
 from gpsfsm.errors import InternalError
-from tests.equivalence.pairs import differs, told, wide
+from tests.equivalence.pairs import differs, last_reactions, wide
 from tests.oracle import P, par_all, par_any, plan, rec, seq
 from tests.support import plan_of
 
@@ -50,13 +50,13 @@ def test_z3_contradicts_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_z3_finds_fewer_outcomes_than_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
     one, other = plan("a", rec("b")), plan("a")
-    found = differs(one, other)
-    assert found is not None
-    fewer = Difference((), found.first, found.second)
+    difference = differs(one, other)
+    assert difference is not None
+    fewer = Difference((), difference.first, difference.second)
     monkeypatch.setattr(comparison, "prove", lambda *_, **__: fewer)
     contradiction(one, other)
     monkeypatch.setattr(comparison, "prove", lambda *_, **__: fewer.perhaps_not_first())
-    assert differs(one, other, second_opinion=True) == found  # z3 did not claim the fewest
+    assert differs(one, other, second_opinion=True) == difference  # z3 did not claim the fewest
 
 
 # -- differences that may not be the shortest --------------------------------------------------
@@ -67,9 +67,9 @@ def test_the_search_says_that_it_met_its_limit_before_it_knew_the_shortest() -> 
     sides = sides_of(
         *(Behaviour(compile_plan(plan_of(each))) for each in (one, plan(one.children[0])))
     )
-    found = lockstep(sides, max_work=20)
-    assert found is not None
-    assert (len(found.steps), found.shortest) == (1, False)
+    outcome = lockstep(sides, max_work=20)
+    assert outcome is not None
+    assert (len(outcome.steps), outcome.shortest) == (1, False)
     again = lockstep(sides, max_work=10_000)
     assert again is not None
     assert (len(again.steps), again.shortest) == (1, True)
@@ -81,8 +81,8 @@ def test_z3_says_that_it_met_its_limit_before_it_knew_the_shortest(
     whole = wide(120)
     changed = plan(*whole.children[:1], "x", *whole.children[1:])
     monkeypatch.setattr(proof, "_SHORTEN_RLIMIT", 1)
-    found = differs(whole, changed, decider="z3")
-    assert found is not None
-    assert not found.shortest
+    difference = differs(whole, changed, decider="z3")
+    assert difference is not None
+    assert not difference.shortest
     behaviours = [Behaviour(compile_plan(plan_of(each))) for each in (whole, changed)]
-    assert told(behaviours, found) == (found.first, found.second)
+    assert last_reactions(behaviours, difference) == (difference.first, difference.second)

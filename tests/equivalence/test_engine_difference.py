@@ -138,19 +138,19 @@ def compare_with_all_histories(engine: str, text: str) -> None:
     reading = reading_of(text, engine)
     paper = compile_plan(reading.plan)
     compared = difference_on_engine(paper, reading.compiled)
-    found = sorted(
+    changed = sorted(
         differing(reading, paper.automaton),
         key=lambda prefix: (sum(not good for _, good in prefix), len(prefix)),
     )
     assert compared.decided
-    if not found:
+    if not changed:
         assert compared.difference is None
         return
     assert compared.difference is not None
     steps = tuple((number, event is Event.SUCCEEDED) for number, event in compared.difference.steps)
-    assert steps in found
+    assert steps in changed
     failures = sum(not good for _, good in steps)
-    assert (failures, len(steps)) == (sum(not good for _, good in found[0]), len(found[0]))
+    assert (failures, len(steps)) == (sum(not good for _, good in changed[0]), len(changed[0]))
 
 
 @pytest.mark.parametrize("most", [1, 3])

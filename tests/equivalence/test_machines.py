@@ -123,24 +123,24 @@ def test_edits_are_judged_as_by_brute_force(graph: Graph, seed: int, times: int)
     assume(machine_of(other)[0] is not None)
     wanted = distance(graph, other)
     assume(wanted is not None)
-    found = diff(graph, other)
-    assert (inf if found is None else len(found.steps)) == wanted
-    if found is not None:
-        assert found.shortest
-        separates(graph, other, found)
+    difference = diff(graph, other)
+    assert (inf if difference is None else len(difference.steps)) == wanted
+    if difference is not None:
+        assert difference.shortest
+        separates(graph, other, difference)
 
 
 @given(acting(), acting())
 def test_other_machines_are_judged_as_by_brute_force(one: Graph, other: Graph) -> None:
     wanted = distance(one, other)
     assume(wanted is not None)
-    found = diff(one, other)
-    assert (inf if found is None else len(found.steps)) == wanted
-    if found is not None:
-        separates(one, other, found)
+    difference = diff(one, other)
+    assert (inf if difference is None else len(difference.steps)) == wanted
+    if difference is not None:
+        separates(one, other, difference)
 
 
-def separates(one: Graph, other: Graph, found: Difference) -> None:
+def separates(one: Graph, other: Graph, difference: Difference) -> None:
     """The run really ends in what is said, by a step function of its own."""
     sides = [(Played(graph), read(graph)) for graph in (one, other)]
     states = [played.begin() for played, _ in sides]
@@ -148,7 +148,7 @@ def separates(one: Graph, other: Graph, found: Difference) -> None:
         [plan_read.path(runner).removeprefix("/machine/") for runner in plan_read.runners]
         for _, plan_read in sides
     ]
-    for pair, event in found.steps:
+    for pair, event in difference.steps:
         assert not states[0][1].end
         assert not states[1][1].end
         states = [
@@ -156,7 +156,7 @@ def separates(one: Graph, other: Graph, found: Difference) -> None:
             for side, ((played, _), (state, _)) in enumerate(zip(sides, states, strict=True))
         ]
     ends = {"": None, "complete": End.COMPLETED, "give_up": End.GAVE_UP}
-    for side, reaction in enumerate((found.first, found.second)):
+    for side, reaction in enumerate((difference.first, difference.second)):
         _, seen = states[side]
         assert {names[side][number] for number in reaction.triggered} == seen.started
         assert ends[seen.end] is reaction.end
@@ -172,12 +172,12 @@ def test_machines_of_plans_differ_as_the_plans_do(whole: P, seed: int) -> None:
     machine_plans = [read(compile_plan(plan_of(each)).automaton.graph) for each in (whole, other)]
     for second in (machine_plans[1], plan_of(other)):
         try:
-            found = compare(machine_plans[0], second)
+            verdict = compare(machine_plans[0], second)
         except UndecidedError:
             continue
-        assert (found is None) == (wanted is None)
-        if found is not None and wanted is not None and found.shortest and wanted.shortest:
-            assert len(found.steps) == len(wanted.steps)
+        assert (verdict is None) == (wanted is None)
+        if verdict is not None and wanted is not None and verdict.shortest and wanted.shortest:
+            assert len(verdict.steps) == len(wanted.steps)
     same = rewriting.same(seeded(seed), whole)
     assert compare(machine_plans[0], plan_of(same)) is None
 
@@ -198,18 +198,18 @@ def test_a_difference_deep_in_a_loop() -> None:
                 data["interface"] = "a"
         return graph
 
-    found = diff(machine(*LOOP), counting(7))
-    assert found is not None
-    assert len(found.steps) == 8
-    assert (found.first.triggered, found.second.triggered) == ((0,), ())
+    difference = diff(machine(*LOOP), counting(7))
+    assert difference is not None
+    assert len(difference.steps) == 8
+    assert (difference.first.triggered, difference.second.triggered) == ((0,), ())
 
 
 def test_what_is_stopped_is_seen_and_orphans_are_not() -> None:
     beside = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED c")
-    found = diff(machine(*beside, "a SUCCEEDED stop b"), machine(*beside, "b SUCCEEDED c"))
-    assert found is not None
-    assert found.first.stopped == (1,)
-    assert found.second.stopped == ()
+    difference = diff(machine(*beside, "a SUCCEEDED stop b"), machine(*beside, "b SUCCEEDED c"))
+    assert difference is not None
+    assert difference.first.stopped == (1,)
+    assert difference.second.stopped == ()
     # at the instant of the end everything is stopped in either
     ending = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED end", "b FAILED b")
     assert diff(machine(*ending, "a SUCCEEDED stop b"), machine(*ending)) is None
@@ -217,18 +217,18 @@ def test_what_is_stopped_is_seen_and_orphans_are_not() -> None:
 
 def test_who_is_stopped_and_starts_again_is_seen() -> None:
     lines = ("start SUCCEEDED a", "start SUCCEEDED b", "a FAILED b", "b SUCCEEDED end")
-    found = diff(machine(*lines, "a FAILED stop b"), machine(*lines))
-    assert found is not None
-    assert (found.first.triggered, found.first.stopped) == ((1,), (1,))
-    assert (found.second.triggered, found.second.stopped) == ((), ())
+    difference = diff(machine(*lines, "a FAILED stop b"), machine(*lines))
+    assert difference is not None
+    assert (difference.first.triggered, difference.first.stopped) == ((1,), (1,))
+    assert (difference.second.triggered, difference.second.stopped) == ((), ())
 
 
 def test_the_difference_is_told_with_the_names_of_the_nodes() -> None:
     beside = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED c")
     one, other = read(machine(*beside, "a SUCCEEDED stop b")), read(machine(*beside, "c FAILED c"))
-    found = compare(one, other)
-    assert found is not None
-    assert list(difference_lines(one, other, found)) == [
+    verdict = compare(one, other)
+    assert verdict is not None
+    assert list(difference_lines(one, other, verdict)) == [
         "  1. a succeeds (<graph>:a, <graph>:a)",
         "  then <graph> stops b (b)",
         "       <graph> starts nothing else and stops nothing",
@@ -319,9 +319,9 @@ def test_equal_actions_that_start_together_are_paired_in_the_way_that_fits() -> 
         for name in ("a1", "a2"):
             graph.nodes[name]["interface"] = "a"
     assert diff(one, other) is None
-    found = diff(one, same)
-    assert found is not None
-    assert len(found.steps) == distance(one, same) == 1
+    difference = diff(one, same)
+    assert difference is not None
+    assert len(difference.steps) == distance(one, same) == 1
 
 
 def test_a_plan_and_a_machine_that_says_the_same() -> None:

@@ -76,9 +76,9 @@ def main(arguments: Sequence[str]) -> None:
     with ExitStack() as stack:
         journal = stack.enter_context(Journal(path, durability))
         reader = stack.enter_context(JournalReader(path))
-        known = reader.runs()
+        library = reader.runs()
         heading = Heading(plan=text, seed=int(seed), mode="crash")
-        writer = journal.go_on(kernel, 1) if known else journal.begin(kernel, heading)
+        writer = journal.go_on(kernel, 1) if library else journal.begin(kernel, heading)
         deadly = Deadly(writer, journal, when, at)
         sink = Comparing(kernel, reader.events(1), deadly)
         simulate_again(driver(kernel, sink, int(seed)), sink)

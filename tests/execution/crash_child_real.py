@@ -68,15 +68,15 @@ async def main(arguments: Sequence[str]) -> None:
     with ExitStack() as stack:
         journal = stack.enter_context(Journal(path, "process"))
         reader = stack.enter_context(JournalReader(path))
-        known = reader.runs()
-        writer = journal.go_on(kernel, 1) if known else journal.begin(kernel, Heading(plan=text))
+        library = reader.runs()
+        writer = journal.go_on(kernel, 1) if library else journal.begin(kernel, Heading(plan=text))
         driver = RealtimeDriver(
             kernel,
             writer,
             lambda interface, _provider: Acting(target, deadly, idempotent=interface == "again"),
             run_id=writer.id,
         )
-        if known:
+        if library:
             resume_into(driver, list(reader.events(1)))
         await driver.run()
     os.write(1, b"ended\n")

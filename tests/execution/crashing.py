@@ -81,14 +81,14 @@ def _one_plan(plan: Path, number: int, rng: Random, *, done: Campaign, kills: in
 def _look(broken: Path, lines: list[str], out: list[str]) -> int:
     """How many events are in the journal of a process that was killed; all are as they must be."""
     acknowledged = [int(text) for text in out if text.isdecimal()]
-    found: list[str] = []
+    results: list[str] = []
     with suppress(JournalError), JournalReader(str(broken)) as reader:
         if reader.runs():
-            found = [line(row) for row in reader.events(1)]
-            assert reader.verify(1) == len(found)
-    assert found == lines[: len(found)]
-    assert len(found) >= max(acknowledged, default=0)
-    return len(found)
+            results = [line(row) for row in reader.events(1)]
+            assert reader.verify(1) == len(results)
+    assert results == lines[: len(results)]
+    assert len(results) >= max(acknowledged, default=0)
+    return len(results)
 
 
 def _child(

@@ -50,7 +50,7 @@ class Log:
     def write_queue(self, at_us: int, row: QueueRow) -> None:
         self.rows.append((at_us, row))
 
-    def told(self) -> list[tuple[str, int]]:
+    def events(self) -> list[tuple[str, int]]:
         return [(str(row.kind), row.plan) for _, row in self.rows]
 
 

@@ -56,8 +56,8 @@ class Diary:
             async def run(
                 self, parameters: Mapping[str, RunValue], context: RunContext
             ) -> Mapping[str, RunValue] | None:
-                found: Mapping[str, RunValue] | None = await diary.acts[name](context)
-                return found
+                result: Mapping[str, RunValue] | None = await diary.acts[name](context)
+                return result
 
             async def stop(self) -> None:
                 diary.lines.append(f"stop {name}")
@@ -88,7 +88,7 @@ def messages(sink: Listing, kind: Kind) -> list[str]:
 
 
 def order(sink: Listing, *kinds: Kind) -> list[tuple[str, int]]:
-    return [(str(found.kind), found.node) for found in sink.records if found.kind in kinds]
+    return [(str(record.kind), record.node) for record in sink.records if record.kind in kinds]
 
 
 async def fine(context: RunContext) -> dict[str, RunValue]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.runner import RunContext
     from tests.oracle import P
 
-__all__ = ["Listing", "Luck", "compiled_of", "drive", "kinds", "told", "without_ends"]
+__all__ = ["Listing", "Luck", "compiled_of", "drive", "kinds", "records_of", "without_ends"]
 
 BEGIN = Input(Kind.BEGIN)
 
@@ -86,7 +86,7 @@ def drive(
     return sink, driver
 
 
-def told(kernel: Kernel, *inputs: Input) -> list[Record]:
+def records_of(kernel: Kernel, *inputs: Input) -> list[Record]:
     """What follows from inputs."""
     return [record for happened in inputs for record in kernel.step(happened)[0]]
 

@@ -35,14 +35,14 @@ class OneAtATime(Runner):
 class MixesUp(Runner):
     """Keeps the parameters of a step where the next one finds them."""
 
-    given: Mapping[str, RunValue]
+    values: Mapping[str, RunValue]
 
     async def run(
         self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
-        self.given = parameters
+        self.values = parameters
         await context.sleep(0.1)
-        return dict(self.given)
+        return dict(self.values)
 
 
 class Waits(Runner):
@@ -82,9 +82,11 @@ class OnlyOnes(Runner):
         await context.sleep(0.1 if parameters.get("x") in (1, None) else float("inf"))
 
 
-def breach(make: type[Runner], given: Mapping[str, RunValue] | None = None, **more: Any) -> str:
+def breach(
+    make: type[Runner], parameters: Mapping[str, RunValue] | None = None, **more: Any
+) -> str:
     with pytest.raises(ConformanceError) as caught:
-        check_runner(make, given or {"x": 1}, timeout_s=20, **more)
+        check_runner(make, parameters or {"x": 1}, timeout_s=20, **more)
     return str(caught.value)
 
 
@@ -93,16 +95,18 @@ REAL = pytest.mark.parametrize("real", [False, True])
 
 @REAL
 def test_one_that_fails_because_of_the_other_is_found(real: bool) -> None:
-    found = breach(OneAtATime, real=real)
-    assert found.startswith("of two instances of OneAtATime that act at once the one with {'x': ")
-    assert "it fails: RunnerError: I am busy, alone it returns None" in found
+    violation = breach(OneAtATime, real=real)
+    assert violation.startswith(
+        "of two instances of OneAtATime that act at once the one with {'x': "
+    )
+    assert "it fails: RunnerError: I am busy, alone it returns None" in violation
 
 
 def test_parameters_that_get_mixed_up_are_found() -> None:
     for more in ({}, {"other": {"x": 7}}, {"real": False, "seed": 3}):
-        found = breach(MixesUp, **more)
+        violation = breach(MixesUp, **more)
         other = more.get("other", {"x": 2})
-        assert f"the one with {{'x': 1}} ends otherwise than alone: it returns {other}" in found
+        assert f"the one with {{'x': 1}} ends otherwise than alone: it returns {other}" in violation
     assert "it returns {'text': 'a 2'}" in breach(MixesUp, {"text": "a"})
 
 
@@ -115,13 +119,13 @@ def test_one_of_which_the_second_never_ends_is_found(real: bool) -> None:
 def test_one_that_waits_for_its_turn_passes_whatever_its_luck() -> None:
     expected = {}
     for seed in range(12):
-        found = ""
+        text = ""
         try:
             check_runner(Waits, {"x": 1}, seed=seed)
         except ConformanceError as error:
-            found = str(error)
+            text = str(error)
             check_runner(Waits, {"x": 1}, seed=seed, expect="fails")
-        expected[seed] = found.partition("fails: ")[2][:7]
+        expected[seed] = text.partition("fails: ")[2][:7]
     assert set(expected.values()) == {"", "no luck"}
 
 

@@ -36,8 +36,8 @@ def runner(act: Callable[[Mapping[str, Any], RunContext], Any]) -> Callable[[], 
         async def run(
             self, parameters: Mapping[str, RunValue], context: RunContext
         ) -> Mapping[str, RunValue] | None:
-            found: Mapping[str, RunValue] | None = await act(parameters, context)
-            return found
+            outputs: Mapping[str, RunValue] | None = await act(parameters, context)
+            return outputs
 
     return Made
 
@@ -263,8 +263,8 @@ def test_a_runner_that_acts_outside_is_tried_in_real_time() -> None:
         await asyncio.sleep(parameters.get("seconds", 0))
         return {"width": 1}
 
-    given = {"seconds": 0.2}
-    observed = check_runner(runner(acts), given, provider=GOOD, real=True, timeout_s=20)
+    values = {"seconds": 0.2}
+    observed = check_runner(runner(acts), values, provider=GOOD, real=True, timeout_s=20)
     assert observed.outputs == {"width": 1}
 
 
@@ -328,8 +328,8 @@ def test_the_example_is_shown_as_it_is_and_keeps_to_the_contract() -> None:
     described = library.provider("gripper_capabilities/GraspRunner")
     assert described is not None
     assert described.runner == f"my_robot.gripper:{made['GraspRunner'].__name__}"
-    given = {"force": 12.0, "timeout_s": 5.0}
-    observed = check_runner(made["GraspRunner"], given, provider=described)
+    values = {"force": 12.0, "timeout_s": 5.0}
+    observed = check_runner(made["GraspRunner"], values, provider=described)
     assert observed.logs == (f"holds {1000 * float(str(observed.outputs['width'])):.0f} mm",)
-    empty = breach(made["GraspRunner"], given, provider=described, seed=EMPTY)
+    empty = breach(made["GraspRunner"], values, provider=described, seed=EMPTY)
     assert empty.endswith("it fails: nothing is held with 12 N")

@@ -101,8 +101,8 @@ def test_the_order_in_which_outputs_are_named_is_no_matter() -> None:
         sink, _ = drive(compiled, lambda interface, provider, order=order: Shuffled(order))
         first = first or sink.rows
         assert sink.rows == first
-    (given,) = [r.data for r in sink.records if r.kind is Kind.TRIGGERED and r.node == 2]
-    assert given == {"xx": 2, **{name: len(name) for name in names}}
+    (value,) = [r.data for r in sink.records if r.kind is Kind.TRIGGERED and r.node == 2]
+    assert value == {"xx": 2, **{name: len(name) for name in names}}
 
 
 # -- the code itself --------------------------------------------------------------------------
@@ -126,40 +126,40 @@ def imported(tree: ast.Module) -> set[str]:
     return names
 
 
-def is_set(node: ast.expr | None, known: set[str]) -> bool:
+def is_set(node: ast.expr | None, sets: set[str]) -> bool:
     """Whether an expression is a set, as far as one can see."""
     if isinstance(node, ast.Set | ast.SetComp):
         return True
     if isinstance(node, ast.Call):
         return ast.unparse(node.func) in ("set", "frozenset")
     if isinstance(node, ast.BinOp):
-        return is_set(node.left, known) or is_set(node.right, known)
-    return node is not None and ast.unparse(node) in known
+        return is_set(node.left, sets) or is_set(node.right, sets)
+    return node is not None and ast.unparse(node) in sets
 
 
 def iterated_sets(tree: ast.Module) -> list[str]:
     """Where the code depends on the order of a set."""
-    known: set[str] = set()
+    sets: set[str] = set()
     for node in ast.walk(tree):
         if (
             isinstance(node, ast.AnnAssign)
             and "set[" in ast.unparse(node.annotation).split("[")[0] + "["
         ):
-            known.add(ast.unparse(node.target))
-        elif isinstance(node, ast.Assign) and is_set(node.value, known):
-            known |= {ast.unparse(target) for target in node.targets}
-    found: list[ast.expr] = []
+            sets.add(ast.unparse(node.target))
+        elif isinstance(node, ast.Assign) and is_set(node.value, sets):
+            sets |= {ast.unparse(target) for target in node.targets}
+    loops: list[ast.expr] = []
     for node in ast.walk(tree):
         if isinstance(node, ast.For | ast.comprehension):
-            found.append(node.iter)
+            loops.append(node.iter)
         elif isinstance(node, ast.Starred):
-            found.append(node.value)
+            loops.append(node.value)
         elif isinstance(node, ast.Call) and ast.unparse(node.func) in ORDERING:
-            found += node.args
+            loops += node.args
         elif isinstance(node, ast.Call) and not node.args and ".pop" in ast.unparse(node.func):
             assert isinstance(node.func, ast.Attribute)
-            found.append(node.func.value)
-    return [ast.unparse(node) for node in found if is_set(node, known)]
+            loops.append(node.func.value)
+    return [ast.unparse(node) for node in loops if is_set(node, sets)]
 
 
 ORDERING = ("list", "tuple", "iter", "enumerate", "zip", "map", "filter", "dict.fromkeys", "deque")

@@ -38,8 +38,8 @@ def endings(runs: list[Run]) -> dict[str, str]:
 
 
 def orphans(compiled: Compiled, runs: list[Run]) -> list[str]:
-    found = {number for run in runs if run.status is Status.COMPLETED for number in run.active}
-    return paths(compiled, found)
+    numbers = {number for run in runs if run.status is Status.COMPLETED for number in run.active}
+    return paths(compiled, numbers)
 
 
 def unreachable(compiled: Compiled, models: frozenset[str]) -> list[str]:
@@ -83,25 +83,25 @@ def fewest(runs: list[Run]) -> int | None:
 @settings(max_examples=many(150))
 @given(whole=plans(max_runners=5))
 def test_the_engine_agrees_with_the_verdicts_and_with_brute_force(whole: oracle.P) -> None:
-    found = judged(whole, frozenset())
+    judgement = judged(whole, frozenset())
     facts = facts_as_dict(decided(whole).facts())
     brute = oracle.facts(whole)
     assert facts is not None
     assert brute is not None
-    assert found == {name: facts[name] for name in found}
-    assert found == {name: brute[name] for name in found}
+    assert judgement == {name: facts[name] for name in judgement}
+    assert judgement == {name: brute[name] for name in judgement}
 
 
 @settings(max_examples=many(100))
 @given(whole=plans(max_runners=4), models=faults())
 def test_so_it_does_under_every_fault_model(whole: oracle.P, models: frozenset[str]) -> None:
-    found = judged(whole, models)
+    judgement = judged(whole, models)
     facts = facts_as_dict(decided(whole, faults=models).facts())
     brute = oracle.facts(whole, faults=models)
     assert facts is not None
     assert brute is not None
-    assert found == {name: facts[name] for name in found}
-    assert found == {name: brute[name] for name in found}
+    assert judgement == {name: facts[name] for name in judgement}
+    assert judgement == {name: brute[name] for name in judgement}
 
 
 @settings(max_examples=many(100))
@@ -151,7 +151,7 @@ def test_every_run_is_one_of_the_automaton_and_replays(
     for run in explore(compiled, faults=models, limit=LIMIT):
         decisions = dict(run.outcomes)
         rest = Outcome.HANG if run.status is Status.STUCK else Outcome.SUCCEEDED
-        ends = evaluator.run(lambda n, known=decisions, rest=rest: known.get(n, rest)).ends
+        ends = evaluator.run(lambda n, library=decisions, rest=rest: library.get(n, rest)).ends
         assert ends.value == run.status.value
         if "no-start" in models:
             continue  # there every instance has a runner to itself
@@ -205,7 +205,7 @@ OUTCOMES = ("SUCCEEDED", "FAILED", "NO_START")
 
 
 @pytest.mark.parametrize(
-    ("outcomes", "found"),
+    ("outcomes", "statuses"),
     [
         (Outcomes(never_fails=True), {Status.COMPLETED}),
         (Outcomes(never_succeeds=True), {Status.GAVE_UP}),
@@ -213,13 +213,13 @@ OUTCOMES = ("SUCCEEDED", "FAILED", "NO_START")
         (Outcomes(never_fails=True, never_succeeds=True, may_hang=True), {Status.STUCK}),
     ],
 )
-def test_declared_outcomes_count(outcomes: Outcomes, found: set[Status]) -> None:
+def test_declared_outcomes_count(outcomes: Outcomes, statuses: set[Status]) -> None:
     from gpsfsm.compile import compile_plan
     from tests.support import plan_of
 
     binding = Binding(Interface("A"), Provider("B", "A", outcomes=outcomes), {})
     compiled = compile_plan(plan_of(plan("A")), bindings=(binding,))
-    assert {run.status for run in explore(compiled)} == found
+    assert {run.status for run in explore(compiled)} == statuses
 
 
 def test_the_order_of_runs_is_fixed_and_the_limit_holds() -> None:

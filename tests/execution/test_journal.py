@@ -54,16 +54,14 @@ def test_the_journal_holds_every_record_in_order(tmp_path: Path) -> None:
         rows = list(reader.events(1))
     assert [row.seq for row in rows] == list(range(1, len(rows) + 1))
     kept = [(row.at_us, row.kind, row.node, row.values) for row in rows if row.record]
-    told = [
+    recorded = [
         (at_us, record.kind.value, record.node, dict(record.data or {}))
         for at_us, happened, records in sink.rows
         for record in records
     ]
-    assert kept == told
+    assert kept == recorded
     inputs = [(row.at_us, row.kind, row.values) for row in rows if row.input]
-    assert inputs == [
-        (at_us, found.kind.value, dict(found.outputs)) for at_us, found, _ in sink.rows
-    ]
+    assert inputs == [(at_us, each.kind.value, dict(each.outputs)) for at_us, each, _ in sink.rows]
 
 
 def test_causes_point_to_the_input_before(tmp_path: Path) -> None:
@@ -99,8 +97,8 @@ def test_a_clock_shows_only_where_it_is_asked_for(tmp_path: Path) -> None:
         run = reader.run()
         plain = [json.loads(text) for text in jsonl(run, reader.events(1))]
         timed = [json.loads(text) for text in jsonl(run, reader.events(1), wall_clock=True)]
-    assert not any("wall_us" in found for found in plain)
-    assert [found["wall_us"] for found in timed[:2]] == [7_000_000, 7_000_001]
+    assert not any("wall_us" in each for each in plain)
+    assert [each["wall_us"] for each in timed[:2]] == [7_000_000, 7_000_001]
     assert run.wall_us == 7_000_000
 
 
@@ -122,8 +120,8 @@ def test_ids_are_made_of_what_a_run_is(tmp_path: Path) -> None:
         Heading(plan=b"a", options={"timeout": 3}),
         Heading(plan=b"a", parent="p"),
     ]
-    found = [ids(f"o{place}.db", heading)[0] for place, heading in enumerate(others)]
-    assert len({*found, *first}) == len(found) + len(first)
+    actual = [ids(f"o{place}.db", heading)[0] for place, heading in enumerate(others)]
+    assert len({*actual, *first}) == len(actual) + len(first)
 
 
 def test_the_heading_comes_back(tmp_path: Path) -> None:

@@ -45,9 +45,9 @@ def test_a_full_disk_stops_the_run_and_loses_nothing(tmp_path: Path) -> None:
         assert not broken._acting
         with pytest.raises(JournalFullError):
             sink.write(0, Input(Kind.PAUSE), [])
-    found = lines(path)
-    assert 10 < len(found) < len(whole)
-    assert found == whole[: len(found)]
+    rows = lines(path)
+    assert 10 < len(rows) < len(whole)
+    assert rows == whole[: len(rows)]
     resume_journaled(path)
     assert exported(path) == exported(tmp_path / "whole.db")
 
@@ -71,9 +71,9 @@ def test_a_limit_of_the_system_is_a_full_disk(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "JournalFullError" in done.stderr
     acknowledged = int(done.stdout.split()[-1])
-    found, whole = lines(tmp_path / "j.db"), lines(tmp_path / "whole.db")
-    assert 10 < acknowledged <= len(found) < len(whole)
-    assert found == whole[: len(found)]
+    kept, whole = lines(tmp_path / "j.db"), lines(tmp_path / "whole.db")
+    assert 10 < acknowledged <= len(kept) < len(whole)
+    assert kept == whole[: len(kept)]
     resume_journaled(tmp_path / "j.db")
     assert lines(tmp_path / "j.db") == whole
 
@@ -96,9 +96,9 @@ def test_a_disk_that_is_full_from_the_beginning(tmp_path: Path, limit: int) -> N
     )
     assert done.returncode == 1
     assert done.stdout == ""
-    told_them = done.stderr.splitlines()[-1]
-    assert "JournalFullError" in told_them
-    assert "Nothing of the plan has been run: make room, then run it again" in told_them
+    message = done.stderr.splitlines()[-1]
+    assert "JournalFullError" in message
+    assert "Nothing of the plan has been run: make room, then run it again" in message
     run_journaled(tmp_path / "j.db", LONG, seed=LONG_SEED)  # there is room again
     run_journaled(tmp_path / "whole.db", LONG, seed=LONG_SEED)
     assert exported(tmp_path / "j.db") == exported(tmp_path / "whole.db")

@@ -71,13 +71,13 @@ def test_what_is_not_told_costs_no_more_than_one_transaction(
     changed = bytes(byte ^ 0x5A if value else 0 for byte in log[place : place + length])
     log[place : place + length] = changed
     (tmp_path / "c-wal").write_bytes(log)
-    found = damage_of(str(tmp_path / "c-wal"))
+    damage = damage_of(str(tmp_path / "c-wal"))
     count = left(crashed, tmp_path, bytes(log))
-    if found is None:  # damage longer than a frame may take the ends of the last two
+    if damage is None:  # damage longer than a frame may take the ends of the last two
         assert count >= TRANSACTIONS - (1 if length < FRAME else 2)
     else:
         assert count < TRANSACTIONS
-        assert found.place <= place < len(log)
+        assert damage.place <= place < len(log)
 
 
 @pytest.mark.parametrize("cut", [0, 1, 31, 32, 33, 4000, 100_000])
@@ -108,9 +108,9 @@ def test_a_log_without_its_beginning_is_damaged(
 ) -> None:
     log = crashed.with_name("a.db-wal").read_bytes()
     (tmp_path / "c-wal").write_bytes(header + log[32:])
-    found = damage_of(str(tmp_path / "c-wal"))
-    assert found is not None
-    assert found.place == 0
+    damage = damage_of(str(tmp_path / "c-wal"))
+    assert damage is not None
+    assert damage.place == 0
     (tmp_path / "c-wal").write_bytes(header + log[32:100])
     assert damage_of(str(tmp_path / "c-wal")) is None  # there is no frame in it
 

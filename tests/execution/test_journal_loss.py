@@ -65,8 +65,8 @@ def copied(source: Path, folder: Path) -> Path:
 
 
 def contents(path: Path) -> dict[str, bytes]:
-    found = (path.with_name(path.name + part) for part in PARTS)
-    return {each.name: each.read_bytes() for each in found if each.exists()}
+    actual = (path.with_name(path.name + part) for part in PARTS)
+    return {each.name: each.read_bytes() for each in actual if each.exists()}
 
 
 def refused(path: Path, words: str = "missing at its end") -> None:
@@ -197,10 +197,10 @@ def test_a_power_failure_may_take_what_it_is_allowed_to(
     refused(path)
     start_anew(tmp_path, monkeypatch)
     with JournalReader(str(path)) as reader:
-        told = reader.check_end()
-    assert "the machine crashed, which the durability 'process' does not survive" in told
+        end = reader.check_end()
+    assert "the machine crashed, which the durability 'process' does not survive" in end
     with Journal(str(path)) as journal:
-        assert journal.note == told
+        assert journal.note == end
     resume_journaled(path)
 
 
@@ -325,17 +325,17 @@ def test_what_cannot_be_noted_stops_nothing(
     monkeypatch.setattr("os.pwrite", full)
     seen.add(events=5)
     monkeypatch.undo()
-    found = read_seen(str(tmp_path / "j.db"))
-    assert found is not None
-    assert (found.held, found.durability, found.exact) == (
+    observed = read_seen(str(tmp_path / "j.db"))
+    assert observed is not None
+    assert (observed.held, observed.durability, observed.exact) == (
         Held(1, 2, 3, "ab" * 16),
         "process",
         True,
     )
     seen.add(runs=1, events=5, decisions=2)
-    found = read_seen(str(tmp_path / "j.db"))
-    assert found is not None
-    assert found.held == Held(2, 12, 5, "ab" * 16)
+    observed = read_seen(str(tmp_path / "j.db"))
+    assert observed is not None
+    assert observed.held == Held(2, 12, 5, "ab" * 16)
     seen.close(remove=True)
     assert not list(tmp_path.iterdir())
 

@@ -36,23 +36,23 @@ PLAN = """<Plan>
 class Watched(Runner):
     """Tells what happens to it."""
 
-    def __init__(self, interface: str, told: list[str]) -> None:
+    def __init__(self, interface: str, message: list[str]) -> None:
         self._interface = interface
-        self._told = told
+        self._messages = message
 
     async def run(
         self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue] | None:
-        self._told.append(f"{self._interface} starts")
+        self._messages.append(f"{self._interface} starts")
         try:
             await context.sleep(20 if self._interface == "slow" else 0.01)
         except StopRequested:
-            self._told.append(f"{self._interface} is stopped")
+            self._messages.append(f"{self._interface} is stopped")
             raise
         return {"a": 1, "b": 0.1}
 
     async def stop(self) -> None:
-        self._told.append(f"{self._interface} is unloaded")
+        self._messages.append(f"{self._interface} is unloaded")
 
 
 class Failing:
@@ -71,33 +71,33 @@ class Failing:
 
 @pytest.mark.parametrize("good", range(4))
 def test_a_run_that_cannot_be_written_stops_everything(tmp_path: Path, good: int) -> None:
-    path, told = str(tmp_path / "j.db"), list[str]()
+    path, messages = str(tmp_path / "j.db"), list[str]()
     kernel = Kernel(compiled(PLAN))
     with Journal(path, "none") as journal:
         sink = Failing(journal.begin(kernel, Heading(plan=PLAN.encode())), good)
         driver = RealtimeDriver(
-            kernel, sink, lambda interface, _provider: Watched(interface, told), grace_s=5
+            kernel, sink, lambda interface, _provider: Watched(interface, messages), grace_s=5
         )
         with pytest.raises(JournalFullError):
             asyncio.run(driver.run())
     with JournalReader(path) as reader:
         rows = list(reader.events(1))
     started = {row.interface for row in rows if row.kind == "STARTED"}
-    assert {text.split()[0] for text in told if text.endswith("starts")} <= started
+    assert {text.split()[0] for text in messages if text.endswith("starts")} <= started
     for interface in started:
-        if f"{interface} starts" in told and interface == "slow":
-            assert "slow is stopped" in told
+        if f"{interface} starts" in messages and interface == "slow":
+            assert "slow is stopped" in messages
     assert len([row for row in rows if row.input]) == good
     assert not any(row.kind == "ENDED" for row in rows)
 
 
 def test_a_run_in_real_time_replays(tmp_path: Path) -> None:
-    path, told = str(tmp_path / "j.db"), list[str]()
+    path, messages = str(tmp_path / "j.db"), list[str]()
     kernel = Kernel(compiled(PLAN.replace("slow", "other")))
     with Journal(path, "none") as journal:
         sink = journal.begin(kernel, Heading(plan=PLAN.encode()))
         driver = RealtimeDriver(
-            kernel, sink, lambda interface, _provider: Watched(interface, told), grace_s=5
+            kernel, sink, lambda interface, _provider: Watched(interface, messages), grace_s=5
         )
         asyncio.run(driver.run())
     with JournalReader(path) as reader:
@@ -106,4 +106,4 @@ def test_a_run_in_real_time_replays(tmp_path: Path) -> None:
     again = Kernel(compiled(PLAN.replace("slow", "other")))
     assert replay(again, rows).at_us == rows[-1].at_us
     assert again.status is kernel.status
-    assert sorted(told)[-2:] == ["quick is unloaded", "quick starts"]
+    assert sorted(messages)[-2:] == ["quick is unloaded", "quick starts"]

@@ -50,10 +50,10 @@ def test_a_cut_off_log_still_has_its_beginning(tmp_path: Path) -> None:
     shown = []
     for cut_off in (1, 100, 5000, size // 2):
         log.write_bytes(log.read_bytes()[: size - cut_off])
-        found = lines(tmp_path / "copy.db")
-        shown.append(len(found))
-        assert found == lines(tmp_path / "whole.db")[: len(found)]
-        assert len(found) in ends_of_writes(tmp_path / "whole.db")
+        rows = lines(tmp_path / "copy.db")
+        shown.append(len(rows))
+        assert rows == lines(tmp_path / "whole.db")[: len(rows)]
+        assert len(rows) in ends_of_writes(tmp_path / "whole.db")
     assert shown == sorted(shown, reverse=True)
     assert 0 < shown[-1] < shown[0]
     resume_journaled(tmp_path / "copy.db")
@@ -91,18 +91,18 @@ def test_damage_in_the_middle_is_told_and_the_beginning_can_be_read(
     place = int(len(content) * share) // 4096 * 4096
     content[place : place + 4096] = b"\xa5" * 4096
     path.write_bytes(content)
-    found: list[str] = []
+    actual: list[str] = []
 
     def read() -> None:
         with JournalReader(str(path)) as reader:
             for row in reader.events(1):
-                found.append(line(row))
+                actual.append(line(row))
             reader.verify(1)
             reader.check_file()  # there are pages that no event needs
 
     with pytest.raises(DamagedJournalError, match="damaged"):
         read()
-    assert found == whole[: len(found)]
+    assert actual == whole[: len(actual)]
 
 
 def test_a_damaged_beginning_is_no_journal(tmp_path: Path) -> None:
@@ -147,7 +147,7 @@ def test_other_files_are_not_touched(
         with pytest.raises(JournalError, match=words):
             use(str(path))
     assert (path.read_bytes() if path.is_file() else b"") == before
-    assert {found.name for found in tmp_path.iterdir()} == {"other.db", *beside}
+    assert {each.name for each in tmp_path.iterdir()} == {"other.db", *beside}
 
 
 def test_files_that_are_not_there(tmp_path: Path) -> None:
@@ -293,14 +293,14 @@ def test_who_may_not_write_is_told_so() -> None:
         run_journaled(folder / "j.db")
         folder.chmod(0o555)
         (folder / "j.db").chmod(0o444)
-        told_them = _as_somebody_else(folder / "j.db")
+        message = _as_somebody_else(folder / "j.db")
     finally:
         folder.chmod(0o755)
         shutil.rmtree(folder)
-    assert told_them[0].startswith("JournalError: ")
-    assert "read-only" in told_them[0] or "cannot be opened" in told_them[0]
-    assert told_them[1].startswith("events: ")
-    assert int(told_them[1].split()[1]) > 5
+    assert message[0].startswith("JournalError: ")
+    assert "read-only" in message[0] or "cannot be opened" in message[0]
+    assert message[1].startswith("events: ")
+    assert int(message[1].split()[1]) > 5
 
 
 def _as_somebody_else(path: Path) -> list[str]:
@@ -346,7 +346,7 @@ def _as_somebody_else(path: Path) -> list[str]:
 def test_every_error_has_words(name: str, kind: type[JournalError], words: str) -> None:
     error = sqlite3.OperationalError("what")
     error.sqlite_errorname = name
-    found = journal_error(error, "j.db", "written")
-    assert type(found) is kind
+    failure = journal_error(error, "j.db", "written")
+    assert type(failure) is kind
     with pytest.raises(kind, match=f"^j.db: .*{words}"):
-        raise found
+        raise failure

@@ -12,7 +12,7 @@ from gpsfsm.errors import InternalError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Load, Start, Status, Stop, Unload
 from tests.cases import many
-from tests.execution.support import BEGIN, compiled_of, kinds, told, without_ends
+from tests.execution.support import BEGIN, compiled_of, kinds, records_of, without_ends
 from tests.oracle import R, par_all, par_any, plan, rec, seq
 from tests.strategies import plans
 
@@ -55,13 +55,13 @@ def kernel_of(*children: oracle.R | oracle.C | str, begun: bool = True) -> Kerne
 
 def serve(kernel: Kernel, *inputs: Input) -> list[str]:
     """Tell the kernel something, and load what it wants to have loaded; what is recorded."""
-    found: list[str] = []
+    events: list[str] = []
     todo = list(inputs)
     while todo:
         records, commands = kernel.step(todo.pop(0))
-        found += kinds(records)
+        events += kinds(records)
         todo[:0] = [loads(command.runner) for command in commands if isinstance(command, Load)]
-    return found
+    return events
 
 
 def essence(records: list[str]) -> list[str]:
@@ -110,9 +110,9 @@ def test_controls(
 
 def test_the_records_of_a_whole_run() -> None:
     kernel = Kernel(compiled_of(plan("A", par_any("B", "C"))))
-    assert kinds(told(kernel, BEGIN)) == ["BEGIN", "TRIGGERED 0", "LOADING r0"]
-    assert kinds(told(kernel, loads(0))) == ["LOADED r0", "STARTED 0"]
-    assert kinds(told(kernel, works(0))) == [
+    assert kinds(records_of(kernel, BEGIN)) == ["BEGIN", "TRIGGERED 0", "LOADING r0"]
+    assert kinds(records_of(kernel, loads(0))) == ["LOADED r0", "STARTED 0"]
+    assert kinds(records_of(kernel, works(0))) == [
         "SUCCEEDED 0",
         "UNLOADED r0",
         "TRIGGERED 1",
@@ -120,11 +120,16 @@ def test_the_records_of_a_whole_run() -> None:
         "TRIGGERED 2",
         "LOADING r2",
     ]
-    assert kinds(told(kernel, loads(1), loads(2))) == [
+    assert kinds(records_of(kernel, loads(1), loads(2))) == [
         *("LOADED r1", "STARTED 1", "LOADED r2", "STARTED 2")
     ]
-    assert kinds(told(kernel, works(2))) == ["SUCCEEDED 2", "UNLOADED r2", "JOINED", "STOPPING 1"]
-    assert kinds(told(kernel, stopped(1))) == ["STOPPED 1", "UNLOADED r1", "ENDED COMPLETED"]
+    assert kinds(records_of(kernel, works(2))) == [
+        "SUCCEEDED 2",
+        "UNLOADED r2",
+        "JOINED",
+        "STOPPING 1",
+    ]
+    assert kinds(records_of(kernel, stopped(1))) == ["STOPPED 1", "UNLOADED r1", "ENDED COMPLETED"]
 
 
 def test_what_is_to_be_done() -> None:
@@ -141,16 +146,16 @@ def test_everything_stops_in_reverse_order() -> None:
     records, commands = kernel.step(CANCEL)
     assert kinds(records) == ["CANCEL", "STOPPING 3", "STOPPING 1", "STOPPING 0"]
     assert commands == [Stop(3), Stop(1), Stop(0)]
-    found = serve(kernel, stopped(0), stopped(1), stopped(3))
-    assert found[-4:] == ["UNLOADED r3", "UNLOADED r1", "UNLOADED r0", "ENDED CANCELLED"]
+    served = serve(kernel, stopped(0), stopped(1), stopped(3))
+    assert served[-4:] == ["UNLOADED r3", "UNLOADED r1", "UNLOADED r0", "ENDED CANCELLED"]
 
 
 def test_one_load_per_interface_and_provider() -> None:
     kernel = Kernel(compiled_of(plan(par_all("A x=1", "A x=2", R("A", provider="other/P")))))
     assert kernel.runners == (("A", "demo_runners/Demo"), ("A", "other/P"))
-    records = kinds(told(kernel, BEGIN))
+    records = kinds(records_of(kernel, BEGIN))
     assert [text for text in records if "LOADING" in text] == ["LOADING r0", "LOADING r1"]
-    assert kinds(told(kernel, loads(0))) == ["LOADED r0", "STARTED 0", "STARTED 1"]
+    assert kinds(records_of(kernel, loads(0))) == ["LOADED r0", "STARTED 0", "STARTED 1"]
 
 
 def test_a_runner_is_loaded_late_and_kept_for_those_who_may_need_it() -> None:
@@ -172,16 +177,16 @@ def test_nothing_is_kept_for_a_join_that_has_too_few_inputs() -> None:
 
 def test_nothing_is_kept_for_those_who_wait_for_a_start_that_never_comes() -> None:
     kernel = Kernel(compiled_of(plan("B", par_all("A", "B"), rec("C")), ["no-start"]))
-    told(kernel, BEGIN, loads(0), works(0))
+    records_of(kernel, BEGIN, loads(0), works(0))
     assert list(kernel.loaded) == [0]
-    assert "UNLOADED r0" in kinds(told(kernel, refuses(1)))
+    assert "UNLOADED r0" in kinds(records_of(kernel, refuses(1)))
     assert kernel.status is Status.RUNNING
 
 
 def test_a_runner_that_cannot_be_loaded_fails_its_instances() -> None:
     kernel = Kernel(compiled_of(plan(par_any("A", "A"), rec("B"))))
-    told(kernel, BEGIN)
-    records = told(kernel, refuses(0))
+    records_of(kernel, BEGIN)
+    records = records_of(kernel, refuses(0))
     assert kinds(records) == [
         *("NOT_LOADED r0", "FAILED 0", "FAILED 1", "JOINED", "TRIGGERED 2", "LOADING r1")
     ]
@@ -192,9 +197,9 @@ def test_a_runner_that_cannot_be_loaded_fails_its_instances() -> None:
 
 def test_it_is_tried_again_for_the_next_instance() -> None:
     kernel = Kernel(compiled_of(plan("A", rec("A"))))
-    told(kernel, BEGIN)
-    assert kinds(told(kernel, refuses(0)))[-2:] == ["TRIGGERED 1", "LOADING r0"]
-    assert kinds(told(kernel, loads(0))) == ["LOADED r0", "STARTED 1"]
+    records_of(kernel, BEGIN)
+    assert kinds(records_of(kernel, refuses(0)))[-2:] == ["TRIGGERED 1", "LOADING r0"]
+    assert kinds(records_of(kernel, loads(0))) == ["LOADED r0", "STARTED 1"]
 
 
 def test_an_answer_that_comes_late_changes_nothing() -> None:
@@ -210,7 +215,7 @@ def test_an_answer_that_comes_late_changes_nothing() -> None:
 def test_an_instance_that_ends_while_it_is_to_stop_has_stopped() -> None:
     kernel = kernel_of(par_any("A", "B"))
     serve(kernel, works(0))
-    (record,) = [found for found in told(kernel, fails(1)) if found.node == 2]
+    (record,) = [each for each in records_of(kernel, fails(1)) if each.node == 2]
     assert record.kind is Kind.STOPPED
     assert "FAILED" in record.message
     assert kernel.status is Status.COMPLETED
@@ -288,10 +293,10 @@ def test_a_cancel_before_the_beginning() -> None:
 
 def test_a_cancel_while_a_runner_is_loaded_waits_for_it() -> None:
     kernel = kernel_of(par_all("A", "A"), begun=False)
-    told(kernel, BEGIN)
-    assert kinds(told(kernel, CANCEL)) == ["CANCEL", "STOPPED 1", "STOPPED 0"]
+    records_of(kernel, BEGIN)
+    assert kinds(records_of(kernel, CANCEL)) == ["CANCEL", "STOPPED 1", "STOPPED 0"]
     assert kernel.status is Status.STOPPING
-    assert kinds(told(kernel, loads(0))) == ["LOADED r0", "UNLOADED r0", "ENDED CANCELLED"]
+    assert kinds(records_of(kernel, loads(0))) == ["LOADED r0", "UNLOADED r0", "ENDED CANCELLED"]
 
 
 def test_how_it_ends_is_decided_once() -> None:
@@ -352,24 +357,24 @@ def test_runners_are_unloaded_as_soon_as_nothing_can_need_them(
 
 
 def triggered(kernel: Kernel, inputs: tuple[Input, ...]) -> set[int]:
-    records = told(kernel, *inputs)
+    records = records_of(kernel, *inputs)
     return {record.node - 1 for record in records if record.kind is Kind.TRIGGERED}
 
 
 def later_triggers(kernel: Kernel, inputs: tuple[Input, ...]) -> set[int]:
     """The instances that are triggered in some continuation: all of them are tried."""
-    found: set[int] = set()
+    later: set[int] = set()
     todo, seen = [inputs], set()
     while todo:
         path = todo.pop()
-        key = frozenset((given.kind, given.number, given.runner) for given in path)
+        key = frozenset((value.kind, value.number, value.runner) for value in path)
         if key in seen:
             continue
         seen.add(key)
         again = Kernel(kernel.compiled)
-        records = told(again, *path)
-        found |= {record.node - 1 for record in records if record.kind is Kind.TRIGGERED}
+        records = records_of(again, *path)
+        later |= {record.node - 1 for record in records if record.kind is Kind.TRIGGERED}
         waiting = [loads(runner) for runner in again._loading]
         pending = [Input(answer, number) for number in again.active for answer in ANSWERS]
         todo += [(*path, following) for following in waiting or pending]
-    return found
+    return later

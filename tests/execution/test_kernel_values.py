@@ -25,20 +25,24 @@ if TYPE_CHECKING:
     from tests import oracle
 
 
-def described(whole: oracle.P, known: Mapping[str, Provider]) -> Compiled:
+def described(whole: oracle.P, providers: Mapping[str, Provider]) -> Compiled:
     """A compiled plan in which interfaces with these names are described."""
     tree = plan_of(whole)
     bindings = tuple(
         None
-        if (provider := known.get(runner.interface)) is None
-        else Binding(Interface(runner.interface), provider, given_of(runner))
+        if (provider := providers.get(runner.interface)) is None
+        else Binding(Interface(runner.interface), provider, attributes_of(runner))
         for runner in tree.runners
     )
     return compile_plan(tree, bindings=bindings)
 
 
-def given_of(runner: Element) -> dict[str, Attribute]:
-    return {found.name: found for found in runner.attributes if found.name in runner.parameters}
+def attributes_of(runner: Element) -> dict[str, Attribute]:
+    return {
+        attribute.name: attribute
+        for attribute in runner.attributes
+        if attribute.name in runner.parameters
+    }
 
 
 class Served:
@@ -108,7 +112,7 @@ def test_what_an_instance_works_with(
     assert {name: type(value) for name, value in run.got[1].items()} == {
         name: type(value) for name, value in got.items()
     }
-    (record,) = [found for found in run.records if found.kind is Kind.TRIGGERED and found.node == 2]
+    (record,) = [each for each in run.records if each.kind is Kind.TRIGGERED and each.node == 2]
     assert record.data == got
 
 
@@ -169,7 +173,7 @@ def test_only_declared_outputs_travel_and_with_their_event(
 ) -> None:
     run = Served(described(plan("A", rec("B"), "B"), {"A": BOTH}))
     run.ends(0, kind, good=1, bad=2, both=3, undeclared=4)
-    (record,) = [found for found in run.records if found.kind is kind]
+    (record,) = [each for each in run.records if each.kind is kind]
     assert record.data == handed
     # behind the recovery there is a join
     assert run.got == {0: {}, **({1: handed} if kind is Kind.FAILED else {2: {}})}
@@ -196,5 +200,5 @@ def test_those_who_get_the_same_value_do_not_share_it() -> None:
     run.got[1]["value"].append("mine")
     run.got[1]["value"][1].append("mine")
     assert run.got[2] == {"value": [1, [2]]}
-    (record,) = [found for found in run.records if found.kind is Kind.SUCCEEDED]
+    (record,) = [each for each in run.records if each.kind is Kind.SUCCEEDED]
     assert record.data == {"value": [1, [2]]}

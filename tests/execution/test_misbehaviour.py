@@ -78,7 +78,7 @@ class OddError(RunnerError):
         (ValueError("half \ud800 a character"), r"ValueError: half \ud800 a character"),
         (ValueError("x" * 10_000), "ValueError: " + "x" * 988),
     ],
-    ids=lambda found: type(found).__name__ if isinstance(found, BaseException) else "",
+    ids=lambda actual: type(actual).__name__ if isinstance(actual, BaseException) else "",
 )
 def test_what_a_runner_raises_is_its_failure(error: BaseException, message: str) -> None:
     failed, _, _ = guarded(raising(error))
@@ -129,7 +129,7 @@ ENDLESS.append(ENDLESS)
         {"x": "\ud800"},
         {"\ud800": 1},
     ],
-    ids=lambda found: f"{found!r:.20}" if found is not ENDLESS else "endless",
+    ids=lambda actual: f"{actual!r:.20}" if actual is not ENDLESS else "endless",
 )
 def test_rubbish_is_a_failure(outputs: object) -> None:
     failed, _, _ = guarded(returning(outputs))

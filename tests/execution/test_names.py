@@ -22,15 +22,17 @@ def test_what_is_loaded_is_what_was_checked(case: Case) -> None:
 @given(libraries(), pairs())
 def test_names_mean_one_thing(library: Library, pair: tuple[str, str]) -> None:
     """The parts of a resolution fit together, whatever the names are."""
-    found = library.resolve(*pair)
-    assert found == library.resolve(*pair)
-    assert (found.provider is None) == (found.match in (Match.MISMATCH, Match.UNDESCRIBED))
-    if found.provider is not None:
-        assert found.interface is not None
-        assert found.provider.described == (found.match is Match.DESCRIBED)
-    if found.match is Match.MISMATCH:
-        assert found.implements
-        assert found.implements != getattr(found.interface, "name", None)
+    resolution = library.resolve(*pair)
+    assert resolution == library.resolve(*pair)
+    assert (resolution.provider is None) == (
+        resolution.match in (Match.MISMATCH, Match.UNDESCRIBED)
+    )
+    if resolution.provider is not None:
+        assert resolution.interface is not None
+        assert resolution.provider.described == (resolution.match is Match.DESCRIBED)
+    if resolution.match is Match.MISMATCH:
+        assert resolution.implements
+        assert resolution.implements != getattr(resolution.interface, "name", None)
         assert library.provider(pair[1]) or library.translation(pair[1])
 
 

@@ -21,9 +21,9 @@ class Text(str):
 
 def test_values_are_copied() -> None:
     numbers = [1, 2.5, ["a", True]]
-    found = taken({"numbers": numbers})
+    copied = taken({"numbers": numbers})
     numbers.append(3)
-    assert found == {"numbers": [1, 2.5, ["a", True]]}
+    assert copied == {"numbers": [1, 2.5, ["a", True]]}
 
 
 @pytest.mark.parametrize("outputs", [Dictionary(a="b"), {"a": Text("b")}])

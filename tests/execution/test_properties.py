@@ -121,11 +121,11 @@ def test_the_kernel_follows_every_scenario(
 def test_every_scenario_that_is_shown_replays(
     whole: oracle.P, models: frozenset[str], data: st.DataObject
 ) -> None:
-    found = decided(whole, faults=models)
-    compiled = found.deciders.compiled
+    decision = decided(whole, faults=models)
+    compiled = decision.deciders.compiled
     plan = compiled.automaton.plan
     number_of = {plan.path(runner): number for number, runner in enumerate(plan.runners)}
-    for finding in findings_of(found):
+    for finding in findings_of(decision):
         shown = finding.scenario
         if shown is None:
             continue

@@ -58,22 +58,22 @@ def possible(kernel: Kernel, seen: list[Record]) -> set[int]:
     automaton = kernel.automaton
     ended = {record.node for record in seen if record.kind in (Kind.SUCCEEDED, Kind.FAILED)}
     came = {Signal(record.node, EVENTS[record.kind]) for record in seen if record.kind in EVENTS}
-    found = {0}
+    peaks = {0}
     while True:
         may = {
             signal
             for inputs in automaton.inputs
             for signal in inputs
-            if signal in came or (signal.node in found and signal.node not in ended)
+            if signal in came or (signal.node in peaks and signal.node not in ended)
         }
         more = {
             node.index
             for node, inputs in zip(automaton.nodes, automaton.inputs, strict=True)
             if sum(signal in may for signal in inputs) >= (node.need or 1)
         }
-        if more <= found:
-            return found
-        found |= more
+        if more <= peaks:
+            return peaks
+        peaks |= more
 
 
 @given(whole=plans(max_runners=10), luck=st.integers(0, 1000))
@@ -103,8 +103,8 @@ def test_several_at_once_go_in_the_order_of_their_last_users() -> None:
         records += kernel.step(Input(Kind.SUCCEEDED, number))[0]
     kernel.step(Input(Kind.LOADED, runner=3))
     # D succeeds: of the recovery nothing is needed any more
-    found = kinds(kernel.step(Input(Kind.SUCCEEDED, 3))[0])
-    assert sorted(found[1:4]) == ["UNLOADED r0", "UNLOADED r1", "UNLOADED r2"]
+    events = kinds(kernel.step(Input(Kind.SUCCEEDED, 3))[0])
+    assert sorted(events[1:4]) == ["UNLOADED r0", "UNLOADED r1", "UNLOADED r2"]
     by_node = Kernel(kernel.compiled)
     by_node._pruning._by_unit = False
     by_node.step(BEGIN)
@@ -113,7 +113,7 @@ def test_several_at_once_go_in_the_order_of_their_last_users() -> None:
     for number in range(3):
         by_node.step(Input(Kind.SUCCEEDED, number))
     by_node.step(Input(Kind.LOADED, runner=3))
-    assert kinds(by_node.step(Input(Kind.SUCCEEDED, 3))[0]) == found
+    assert kinds(by_node.step(Input(Kind.SUCCEEDED, 3))[0]) == events
 
 
 def test_a_unit_that_is_passed_over_costs_as_much_as_a_small_one() -> None:

@@ -49,7 +49,7 @@ def test_plans_run_one_after_the_other_and_none_is_forgotten() -> None:
     assert began[2] == -1
     assert began[3] == ended[1]
     assert began[4] == ended[3]
-    assert bench.log.told() == [
+    assert bench.log.events() == [
         ("SUBMITTED", 1),
         ("SUBMITTED", 2),
         ("REFUSED", 3),
@@ -110,7 +110,7 @@ def test_a_runner_submits_the_next_plan_while_its_own_runs() -> None:
     state = bench.queue.state(3)
     assert (state.by, state.name) == (1, "plan 3 from the next")
     assert state.submitted_us < bench.queue.state(1).ended_us
-    assert ("SUBMITTED", 3) in bench.log.told()
+    assert ("SUBMITTED", 3) in bench.log.events()
     assert next(row.by for _, row in bench.log.rows if row.plan == 3) == 1
 
 

@@ -11,7 +11,7 @@ from tests.execution.queueing import FAIL, SLEEP, Bench, text_of
 
 
 def begun(bench: Bench) -> list[int]:
-    return [plan for kind, plan in bench.log.told() if kind == "BEGUN"]
+    return [plan for kind, plan in bench.log.events() if kind == "BEGUN"]
 
 
 def gave_up() -> Bench:

@@ -33,7 +33,7 @@ class Slow:
 
     def __init__(self) -> None:
         self.open = threading.Event()
-        self.asked = threading.Event()
+        self.consulted = threading.Event()
         self.names: list[str] = []
         self.threads: set[int] = set()
         self.at_once = 0
@@ -43,7 +43,7 @@ class Slow:
         assert self.at_once == 1
         self.names.append(name)
         self.threads.add(threading.get_ident())
-        self.asked.set()
+        self.consulted.set()
         assert self.open.wait(PATIENCE_S)
         self.at_once -= 1
         return gate(text)
@@ -64,7 +64,7 @@ class Acts(Runner):
 
 def served(
     client: Callable[[LiveQueue, Log], Awaitable[None]],
-    asked: Callable[[str, str], Compiled | Refusal],
+    compile_: Callable[[str, str], Compiled | Refusal],
     does: Mapping[str, Callable[[PlanService, RunContext], Awaitable[object]]] | None = None,
     *,
     grace_s: float = 5.0,
@@ -87,7 +87,7 @@ def served(
                 grace_s=grace_s,
             )
 
-        queue = LiveQueue(asked, log, begin, **options)
+        queue = LiveQueue(compile_, log, begin, **options)
         serving = asyncio.create_task(queue.serve())
         await client(queue, log)
         queue.close()
@@ -108,7 +108,7 @@ def test_everything_goes_on_while_the_gate_checks() -> None:
         queue._bond, bond = None, Bond(1e6)
         bond.watch(queue._clock, lost=lambda _: None)
         submitting = asyncio.create_task(queue.submitted(SLEEP, name="slow"))
-        await until(slow.asked.is_set)
+        await until(slow.consulted.is_set)
         assert bond.beat()
         ticks = 0
         while ticks < 20:
@@ -130,7 +130,7 @@ def test_who_submits_first_has_the_lower_number() -> None:
     async def client(queue: LiveQueue, log: Log) -> None:
         names = [f"plan {letter}" for letter in "abcde"]
         tasks = [asyncio.create_task(queue.submitted(SLEEP, name=name)) for name in names]
-        await until(slow.asked.is_set)
+        await until(slow.consulted.is_set)
         slow.open.set()
         assert await asyncio.gather(*tasks) == [1, 2, 3, 4, 5]
         assert [state.name for state in queue.states()] == slow.names == names
@@ -143,7 +143,7 @@ def test_the_queue_stays_open_for_what_is_at_the_gate() -> None:
 
     async def client(queue: LiveQueue, log: Log) -> None:
         submitting = asyncio.create_task(queue.submitted(SLEEP))
-        await until(slow.asked.is_set)
+        await until(slow.consulted.is_set)
         queue.close()
         await asyncio.sleep(0.01)
         slow.open.set()
@@ -213,7 +213,7 @@ def test_who_is_stopped_at_the_gate_submits_nothing() -> None:
 
     async def client(queue: LiveQueue, log: Log) -> None:
         await queue.submitted(text_of("Submits"))
-        await until(slow.asked.is_set)
+        await until(slow.consulted.is_set)
         assert queue.cancel(1, "enough")
         await until(lambda: queue.state(1).status is Status.CANCELLED)
         slow.open.set()
@@ -239,13 +239,13 @@ def test_a_plan_that_has_ended_at_the_gate_submits_nothing() -> None:
         ended.set()
 
     async def other(_plans: PlanService, _context: RunContext) -> None:
-        while not slow.asked.is_set():
+        while not slow.consulted.is_set():
             await asyncio.sleep(0.001)
 
     async def client(queue: LiveQueue, log: Log) -> None:
         any_of = text_of("Submits", "Other").replace("sequential", "parallel_any")
         await queue.submitted(any_of)
-        await until(slow.asked.is_set)
+        await until(slow.consulted.is_set)
         queue.cancel(1)
         await until(lambda: queue.state(1).status.ended)
         slow.open.set()

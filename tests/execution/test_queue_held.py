@@ -31,7 +31,7 @@ def test_nothing_begins_while_a_queue_is_held() -> None:
     assert not bench.queue.release()
     bench.queue.run_all()
     assert bench.statuses() == ["COMPLETED"]
-    assert [kind for kind, _ in bench.log.told()] == [
+    assert [kind for kind, _ in bench.log.events()] == [
         *("HELD", "SUBMITTED", "RELEASED", "BEGUN", "ENDED")
     ]
 
@@ -66,7 +66,7 @@ def left_after(row: str) -> list[tuple[int, QueueRow]]:
     bench.queue.submit(SLEEP)
     bench.queue.at(SECOND // 2, lambda: bench.queue.cancel(1, "by a client") and None)
     bench.queue.run_all()
-    kinds = [kind for kind, _ in bench.log.told()]
+    kinds = [kind for kind, _ in bench.log.events()]
     return bench.log.rows[: kinds.index(row) + 1]
 
 
@@ -82,15 +82,15 @@ def test_what_ran_is_brought_to_its_end_and_the_rest_waits() -> None:
     assert len(bench.drivers) == 1  # whoever makes the driver knows that nothing may act in it
     assert bench.statuses()[1] == "QUEUED"
     assert bench.queue.state(1).reason in (WHY, "")
-    told = bench.log.told()
-    assert told[:3] == [("HELD", 0), ("CANCEL", 1), ("BEGUN", 1)]
+    records = bench.log.events()
+    assert records[:3] == [("HELD", 0), ("CANCEL", 1), ("BEGUN", 1)]
 
 
 def test_a_plan_that_was_being_cancelled_has_a_run_to_end_as_well() -> None:
     bench = Bench()
     assert bench.queue.restore(left_after("CANCEL"), None, ending(1)) == 1
     assert bench.queue.ending == {1: "by a client"}
-    assert bench.log.told() == [("HELD", 0)]  # it is to be cancelled already
+    assert bench.log.events() == [("HELD", 0)]  # it is to be cancelled already
 
 
 def test_a_plan_without_a_run_is_cancelled_at_once() -> None:

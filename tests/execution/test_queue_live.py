@@ -82,7 +82,7 @@ def test_in_real_time_a_later_plan_runs_too() -> None:
         queue.submit("<")
         queue.close()
         await serving
-        assert [kind for kind, _ in bench.log.told()].count("BEGUN") == 2
+        assert [kind for kind, _ in bench.log.events()].count("BEGUN") == 2
         return bench.statuses()
 
     assert asyncio.run(client()) == ["COMPLETED", "GAVE_UP", "REFUSED"]
@@ -114,7 +114,7 @@ def test_in_real_time_plans_are_cancelled_and_the_bond_holds_them_back() -> None
         assert queue.cancel(4)
         queue.close()
         await serving
-        assert (QueueKind.BOND_RENEWED, 0) in bench.log.told()
+        assert (QueueKind.BOND_RENEWED, 0) in bench.log.events()
         return bench.statuses()
 
     assert asyncio.run(client()) == ["CANCELLED"] * 4
@@ -199,11 +199,11 @@ def test_who_stops_serving_stops_the_plan_in_good_order() -> None:
         serving.cancel()
         with pytest.raises(asyncio.CancelledError):
             await serving
-        return [str(state.status) for state in queue.states()], log.told()
+        return [str(state.status) for state in queue.states()], log.events()
 
-    statuses, told = asyncio.run(asyncio.wait_for(client(), 30.0))
+    statuses, rows = asyncio.run(asyncio.wait_for(client(), 30.0))
     assert statuses == ["CANCELLED", "QUEUED"]
-    assert told[-2:] == [("BEGUN", 1), ("ENDED", 1)]
+    assert rows[-2:] == [("BEGUN", 1), ("ENDED", 1)]
 
 
 # -- many at once --------------------------------------------------------------------------------
@@ -235,9 +235,9 @@ def test_plans_that_run_together_run_as_they_do_alone() -> None:
     alone, expected = drivers()
     for driver in alone:
         driver.run()
-    at_once, found = drivers()
+    at_once, apart = drivers()
     run_together(at_once)
-    assert [sink.rows for sink in found] == [sink.rows for sink in expected]
+    assert [sink.rows for sink in apart] == [sink.rows for sink in expected]
     assert [driver.kernel.status for driver in at_once] == [
         driver.kernel.status for driver in alone
     ]

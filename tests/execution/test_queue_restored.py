@@ -55,8 +55,8 @@ def test_a_queue_that_is_restored_after_any_row_ends_in_the_same_way() -> None:
     for count in range(len(rows) + 1):
         bench = Bench()
         running = bench.queue.restore(rows[:count])
-        known = [row.plan for _, row in rows[:count] if row.kind in ("SUBMITTED", "REFUSED")]
-        assert [state.plan for state in bench.queue.states()] == known
+        entries = [row.plan for _, row in rows[:count] if row.kind in ("SUBMITTED", "REFUSED")]
+        assert [state.plan for state in bench.queue.states()] == entries
         begun = [row.plan for _, row in rows[:count] if row.kind == "BEGUN"]
         ended = [row.plan for _, row in rows[:count] if row.kind == "ENDED"]
         stopping = [row.plan for _, row in rows[:count] if row.kind == "CANCEL"]
@@ -115,7 +115,7 @@ def test_what_does_not_pass_the_gate_any_more_is_refused() -> None:
     assert bench.queue.restore(first.log.rows) == 0
     assert bench.statuses() == ["REFUSED"]
     assert bench.queue.state(1).findings == ("a new rule", "another one")
-    assert bench.log.told() == [("ENDED", 1)]
+    assert bench.log.events() == [("ENDED", 1)]
 
 
 def test_a_queue_in_use_cannot_be_restored() -> None:

@@ -103,7 +103,7 @@ def test_a_lost_bond_stops_the_plan_and_lets_no_other_begin() -> None:
     bench.queue.run_all()
     assert bench.statuses() == ["CANCELLED", "QUEUED"]
     assert bench.queue.state(1).reason == "the bond is lost: no beat for 1.5 s"
-    assert ("BOND_LOST", 0) in bench.log.told()
+    assert ("BOND_LOST", 0) in bench.log.events()
     bench.queue.run_all()
     assert bench.statuses() == ["CANCELLED", "QUEUED"]
     assert bench.queue.state(bench.queue.submit(SLEEP)).status is Status.QUEUED
@@ -120,7 +120,7 @@ def test_a_renewed_bond_lets_them_begin() -> None:
     bench.queue.run_all()
     assert bench.statuses() == ["CANCELLED", "COMPLETED"]
     assert bench.queue.state(2).began_us == 60 * SECOND
-    assert bench.log.told()[2:] == [
+    assert bench.log.events()[2:] == [
         ("BEGUN", 1),
         ("BOND_LOST", 0),
         ("ENDED", 1),

@@ -43,7 +43,7 @@ def test_a_plan_runs_and_what_is_loaded_is_unloaded() -> None:
     sink, driver = play(plan("A", "B", "A"), diary)
     assert driver.kernel.status is Status.COMPLETED
     assert diary.lines == ["start A", "start B", "stop B", "stop A"]
-    assert [found.data for found in sink.records if found.kind is Kind.SUCCEEDED] == [
+    assert [record.data for record in sink.records if record.kind is Kind.SUCCEEDED] == [
         {"answer": 42}
     ] * 3
 
@@ -59,7 +59,7 @@ def test_answers_count_in_the_order_in_which_they_arrive() -> None:
 
 def test_a_failure_is_handed_on_with_its_outputs() -> None:
     sink, driver = play(guarded("A", "B"), Diary(A=broken, B=fine))
-    failed = next(found for found in sink.records if found.kind is Kind.FAILED)
+    failed = next(record for record in sink.records if record.kind is Kind.FAILED)
     assert (failed.message, failed.data) == ("no grip", {"force": 1.5})
     assert driver.kernel.status is Status.COMPLETED
 
@@ -129,7 +129,7 @@ def test_a_runner_whose_run_is_no_coroutine() -> None:
 def test_an_action_that_has_used_up_its_time_is_stopped_and_has_failed() -> None:
     sink, driver = play(guarded("A", "B"), Diary(A=for_ever, B=fine), timeout_s=0.5)
     assert driver.kernel.status is Status.COMPLETED
-    kinds = [str(found.kind) for found in sink.records if found.node == 1]
+    kinds = [str(record.kind) for record in sink.records if record.node == 1]
     assert kinds == ["TRIGGERED", "STARTED", "TIMEOUT", "STOPPING", "STOPPED", "FAILED"]
 
 
@@ -218,9 +218,11 @@ def test_the_last_started_is_stopped_first_and_unloaded_first() -> None:
     sink, _ = play(plan("A", "B", "C", control="parallel_any"), diary)
     started = [node for _, node in order(sink, Kind.STARTED) if node != 3]
     assert [node for _, node in order(sink, Kind.STOPPING)] == started[::-1]
-    unloaded = [found.runner for found in sink.records if found.kind is Kind.UNLOADED]
+    unloaded = [record.runner for record in sink.records if record.kind is Kind.UNLOADED]
     loaded = [
-        found.runner for found in sink.records if found.kind is Kind.LOADED and found.runner != 2
+        record.runner
+        for record in sink.records
+        if record.kind is Kind.LOADED and record.runner != 2
     ]
     assert [2, *loaded[::-1]] == unloaded
     stops = [line[5:] for line in diary.lines if line.startswith("stop")]
@@ -273,10 +275,10 @@ def test_cancelling_from_another_thread_leaves_nothing_active() -> None:
     diary = Diary(A=for_ever, B=for_ever)
 
     def before(driver: RealtimeDriver) -> None:
-        driver.watchers.append(lambda _at_us, _input, found: look(driver, found))
+        driver.watchers.append(lambda _at_us, _input, actual: look(driver, actual))
 
-    def look(driver: RealtimeDriver, found: Sequence[Record]) -> None:
-        started.extend(record.node for record in found if record.kind is Kind.STARTED)
+    def look(driver: RealtimeDriver, records: Sequence[Record]) -> None:
+        started.extend(record.node for record in records if record.kind is Kind.STARTED)
         if len(started) == 2:
             started.append(0)
             threading.Thread(target=driver.cancel, args=["that is enough"]).start()
@@ -349,10 +351,10 @@ def test_a_run_that_cannot_be_written_stops_its_runners_also_if_it_is_cancelled(
 def test_pause_holds_what_is_triggered() -> None:
     def before(driver: RealtimeDriver) -> None:
         driver.pause()
-        driver.watchers.append(lambda at_us, _, found: go_on(driver, at_us, found))
+        driver.watchers.append(lambda at_us, _, actual: go_on(driver, at_us, actual))
 
-    def go_on(driver: RealtimeDriver, at_us: int, found: Sequence[Record]) -> None:
-        if any(record.kind is Kind.HELD for record in found):
+    def go_on(driver: RealtimeDriver, at_us: int, records: Sequence[Record]) -> None:
+        if any(record.kind is Kind.HELD for record in records):
             driver.at(at_us + 100_000, driver.resume)
 
     sink, driver = play(plan("A", "B"), Diary(A=fine, B=fine), before=before)
@@ -362,8 +364,8 @@ def test_pause_holds_what_is_triggered() -> None:
         ("HELD", 2),
         ("STARTED", 2),
     ]
-    (held,) = [at for at, _, found in sink.rows if any(r.kind is Kind.HELD for r in found)]
-    started = [at for at, _, found in sink.rows if any(r.kind is Kind.STARTED for r in found)]
+    (held,) = [at for at, _, each in sink.rows if any(r.kind is Kind.HELD for r in each)]
+    started = [at for at, _, each in sink.rows if any(r.kind is Kind.STARTED for r in each)]
     assert started[1] >= held + 100_000
 
 
@@ -388,7 +390,7 @@ def test_speed_is_the_time_of_the_run() -> None:
         return {"took": context.now_s - began}
 
     sink, driver = play(plan("A"), Diary(A=hour), speed=36_000)
-    data = next(found.data for found in sink.records if found.kind is Kind.SUCCEEDED)
+    data = next(record.data for record in sink.records if record.kind is Kind.SUCCEEDED)
     assert data is not None
     assert float(str(data["took"])) >= 3_600
     assert driver.now_us() >= 3_600_000_000

@@ -187,7 +187,7 @@ def test_the_journal_is_written_before_a_runner_acts() -> None:
         await driver.run()
 
     asyncio.run(main())
-    assert [str(found.kind) for found in seen] == [
+    assert [str(each.kind) for each in seen] == [
         "BEGIN",
         "TRIGGERED",
         "LOADING",

@@ -86,7 +86,7 @@ def test_what_may_be_done_twice_is_and_the_rest_has_failed() -> None:
     assert messages(sink, Kind.FAILED) == ["the process ended while it was active"]
     element = "/Plan/Control[1]/Runner[2]"
     assert f"r:{element}" in before
-    again = [given.number for _, given, _ in sink.rows if given.kind is Kind.RESTARTED]
+    again = [value.number for _, value, _ in sink.rows if value.kind is Kind.RESTARTED]
     assert again == [1]
     assert sink.rows[0][1].kind is Kind.CONTINUED
     assert all(at_us >= last_us for at_us, _, _ in sink.rows)
@@ -143,32 +143,32 @@ class Queue:
 
 
 def test_the_plan_queue_is_called_in_its_own_thread() -> None:
-    found: list[object] = []
+    actual: list[object] = []
 
     class Submits(Runner):
         async def start(self, context: LoadContext) -> None:
             self.plans = context.services["plans"]
 
         async def run(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
-            found.append(self.plans.submit("<Plan/>"))
-            found.append(self.plans.plan)
+            actual.append(self.plans.submit("<Plan/>"))
+            actual.append(self.plans.plan)
             with pytest.raises(ValueError, match="no plan"):
                 self.plans.submit("")
-            found.append(threading.current_thread().name)
+            actual.append(threading.current_thread().name)
 
     async def main() -> Status:
         service = PlanService(Queue(), 3)  # type: ignore[arg-type]
         kernel = Kernel(compiled_of(f"<Plan>{runner('A')}</Plan>"))
-        services = {"plans": service, "other": found}
+        services = {"plans": service, "other": actual}
         driver = RealtimeDriver(kernel, Listing(), lambda *_: Submits(), services=services)
-        assert on_loop(found, asyncio.get_running_loop()) is found
+        assert on_loop(actual, asyncio.get_running_loop()) is actual
         assert isinstance(on_loop(service, asyncio.get_running_loop()), OnLoop)
         async with asyncio.timeout(WAIT_S):
             await driver.run()
         return driver.kernel.status
 
     assert asyncio.run(main()) is Status.COMPLETED
-    assert found == [7, 3, "runner demo/A"]
+    assert actual == [7, 3, "runner demo/A"]
 
 
 # -- what an action still does outside ------------------------------------------------------
@@ -184,8 +184,8 @@ class Outside(Acts):
 
 def left_lines(sink: Listing) -> list[tuple[str, object]]:
     """The lines about what was left, in the order in which they were journaled."""
-    marks = [given for _, given, _ in sink.rows if given.kind is Kind.LOG]
-    return [(given.message, given.outputs["left"]) for given in marks if "left" in given.outputs]
+    marks = [value for _, value, _ in sink.rows if value.kind is Kind.LOG]
+    return [(mark.message, mark.outputs["left"]) for mark in marks if "left" in mark.outputs]
 
 
 def test_what_has_failed_is_stopped_outside_before_anything_follows() -> None:
@@ -198,7 +198,7 @@ def test_what_has_failed_is_stopped_outside_before_anything_follows() -> None:
     assert keys[0] == f"left {once}"
     assert [key for key in keys if key.startswith("left")] == [f"left {once}"]
     assert left_lines(sink) == [("its goal is cancelled", "seen to")]
-    order = [str(given.kind) for _, given, _ in sink.rows]
+    order = [str(value.kind) for _, value, _ in sink.rows]
     assert order.index("CONTINUED") < order.index("LOG") < order.index("FAILED")
 
 

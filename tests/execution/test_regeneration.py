@@ -32,7 +32,7 @@ class Model:
 
     def __init__(self, answers: Answers) -> None:
         self.answers = answers
-        self.asked: list[tuple[int, int]] = []  # plan, number of the answer
+        self.requests: list[tuple[int, int]] = []  # plan, number of the answer
 
     async def __call__(self, due: Due, write: Callable[[QueueRow], None], /) -> None:
         answers = self.answers.get(len(due.chain), ())
@@ -41,11 +41,11 @@ class Model:
         plan = ""
         for number, plan in enumerate(answers, start=1):
             if number >= max(len(due.kept), 1):
-                self.asked.append((due.gave_up, due.before + number))
+                self.requests.append((due.gave_up, due.before + number))
                 data = {"round": number, "candidate": 1, "accepted": plan != "", "plan": plan}
                 write(QueueRow(QueueKind.ATTEMPT, due.gave_up, data=data | {"latency_s": 1.0}))
-        found = {"accepted": plan != "", "round": len(answers), "candidate": 1}
-        write(QueueRow(QueueKind.GENERATED, due.gave_up, data=found))
+        fields = {"accepted": plan != "", "round": len(answers), "candidate": 1}
+        write(QueueRow(QueueKind.GENERATED, due.gave_up, data=fields))
 
 
 def bench(
@@ -81,7 +81,7 @@ def test_a_plan_that_gave_up_is_continued_twice_before_what_waits() -> None:
     ]
     assert made.statuses() == ["GAVE_UP", "COMPLETED", "GAVE_UP", "COMPLETED"]
     assert [made.queue.state(plan).continues for plan in (1, 2, 3, 4)] == [0, 0, 1, 3]
-    assert model.asked == [(1, 1), (1, 2), (3, 3)]  # counted on along the chain
+    assert model.requests == [(1, 1), (1, 2), (3, 3)]  # counted on along the chain
     assert made.queue.now_us() // SECOND == 6  # asking takes none
     rows = [row for _, row in made.log.rows]
     assert chain_of(rows, 3) == chain_of(rows, 1) == (1, 3, 4)
@@ -108,9 +108,9 @@ def test_a_queue_that_was_left_after_any_row_ends_with_the_same_rows(
         made.queue.submit(text)
     made.queue.run_all()
     whole = made.log.rows
-    given_up = [row.plan for _, row in whole if row.kind == "ENDED" and _gave_up(row)]
+    failed = [row.plan for _, row in whole if row.kind == "ENDED" and _gave_up(row)]
     generated = [row.plan for _, row in whole if row.kind is QueueKind.GENERATED]
-    assert generated == given_up  # each exactly once
+    assert generated == failed  # each exactly once
     for length in range(len(plans), len(whole) + 1):
         again, other = bench(answers, policy)
         again.queue.restore(whole[:length])
@@ -119,7 +119,7 @@ def test_a_queue_that_was_left_after_any_row_ends_with_the_same_rows(
         assert kinds(rows) == kinds(whole)
         assert rows == whole  # with their times
         attempts = [row for _, row in whole[:length] if row.kind is QueueKind.ATTEMPT]
-        assert other.asked == model.asked[len(attempts) :]  # none is asked again
+        assert other.requests == model.requests[len(attempts) :]  # none is asked again
 
 
 def _gave_up(row: QueueRow) -> bool:
@@ -129,13 +129,13 @@ def _gave_up(row: QueueRow) -> bool:
 def _without_repeats(rows: list[tuple[int, QueueRow]]) -> list[tuple[int, QueueRow]]:
     """A plan that was interrupted begins once more."""
     begun: set[int] = set()
-    found = []
+    kept = []
     for at_us, row in rows:
         if row.kind is not QueueKind.BEGUN or row.plan not in begun:
-            found.append((at_us, row))
+            kept.append((at_us, row))
         if row.kind is QueueKind.BEGUN:
             begun.add(row.plan)
-    return found
+    return kept
 
 
 ALWAYS: Answers = {place: (text_of(*["Sleep"] * place, "Fail"),) for place in range(1, 9)}
@@ -178,7 +178,7 @@ def test_plans_that_are_stuck_or_cancelled_are_not_continued() -> None:
     made.queue.at(2 * SECOND, lambda: made.queue.cancel(cancelled) and None)
     made.queue.run_all()
     assert "STUCK" in made.statuses()
-    assert model.asked == []
+    assert model.requests == []
 
 
 def test_a_regenerator_that_breaks_ends_the_chain() -> None:
@@ -220,7 +220,7 @@ def test_a_log_that_fails_once_stops_the_queue() -> None:
     with pytest.raises(OSError, match="the disk is full"):
         made.queue.run_all()
     assert kinds(made.log.rows)[-1] == "ASKED 1"
-    assert model.asked == [(1, 1)]
+    assert model.requests == [(1, 1)]
 
 
 def test_where_an_event_loop_runs_virtual_time_cannot_wait_for_a_model() -> None:

@@ -55,9 +55,9 @@ def provider(runner: str = "", name: str = "demo/Grasp") -> Provider:
     return Provider(name, "demo/GraspInterface", runner=runner)
 
 
-def refused(found: Provider, **options: object) -> str:
+def refused(actual: Provider, **options: object) -> str:
     with pytest.raises(RunnerError) as caught:
-        runner_class(found, **options)  # type: ignore[arg-type]
+        runner_class(actual, **options)  # type: ignore[arg-type]
     return str(caught.value)
 
 
@@ -82,8 +82,8 @@ def test_built_in_runners(name: str) -> None:
 
 def test_every_built_in_provider_has_a_simulated_runner_or_a_real_one() -> None:
     for described in BUILT_IN.providers:
-        found = runner_class(described, mode=Mode.SIMULATED)
-        assert found.__name__ == described.runner.partition(":")[2]
+        chosen = runner_class(described, mode=Mode.SIMULATED)
+        assert chosen.__name__ == described.runner.partition(":")[2]
 
 
 def test_what_exists_only_as_a_simulation_says_so() -> None:
@@ -350,10 +350,10 @@ def test_one_wrong_use_does_not_unbind_a_right_one() -> None:
         assert [*bound] == [("shop/Pick", "shop/Picker")]
 
 
-def elsewhere(found: Provider) -> type[Runner] | None:
+def elsewhere(actual: Provider) -> type[Runner] | None:
     """Whoever else acts: it offers what is called Waypoint or Prompt, and the runner of a demo."""
     offered = ("Waypoint", "PromptText", "Log", "Grasp")
-    return Brings if found.name.rpartition("/")[2].startswith(offered) else None
+    return Brings if actual.name.rpartition("/")[2].startswith(offered) else None
 
 
 class Brings(Mine):
@@ -388,7 +388,7 @@ def test_what_gpsfsm_has_code_for_is_run_by_it_whatever_the_file_of_a_robot_name
     theirs = replace(described, runner="capabilities2_runner::PromptTextRunner")
     library = replace(BUILT_IN, providers=(theirs,))
     chosen = Maker(library, via=elsewhere).runner_class(name, name)
-    assert chosen.__module__ == "gpsfsm.runners.prompting.real"
+    assert chosen.__module__ == "gpsfsm.runners.prompting"
 
 
 def test_another_server_starts_what_its_runners_depend_on() -> None:

@@ -78,14 +78,14 @@ def by_hand(rows: list[Row]) -> tuple[list[int], list[int], list[int]]:
 
 
 def test_starts_have_their_parameters(rows: list[Row]) -> None:
-    found = {}
+    actual = {}
     for last in [row.seq - 1 for row in rows if row.input]:
-        found.update({start.number: start for start in replayed(rows[:last])[1].active})
-    assert found[1].parameters == {
+        actual.update({start.number: start for start in replayed(rows[:last])[1].active})
+    assert actual[1].parameters == {
         "x": 1.5,
         "text": "grüß 日本",
         "list": ["é", True, 3],
-        "value": found[1].parameters["value"],
+        "value": actual[1].parameters["value"],
     }
 
 

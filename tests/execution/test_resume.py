@@ -84,11 +84,11 @@ def test_what_came_from_outside_comes_again(tmp_path: Path, steps: int) -> None:
     for last in ends_of_writes(whole)[-6:]:
         cut(whole, tmp_path / "cut.db", last)
         resume_journaled(tmp_path / "cut.db")
-        found = exported(tmp_path / "cut.db")
+        events = exported(tmp_path / "cut.db")
         if '"CANCEL"' in "".join(exported(whole).splitlines()[: last + 1]):
-            assert found == expected
+            assert events == expected
         else:  # the process died before it was told to stop
-            assert found.splitlines()[: last + 1] == expected.splitlines()[: last + 1]
+            assert events.splitlines()[: last + 1] == expected.splitlines()[: last + 1]
 
 
 def test_other_runners_do_not_go_on_with_a_run(tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ def test_nothing_acts_any_more_when_its_end_is_recorded(whole: P, seed: int) -> 
             over[record.node] = []
         if record.node in over:
             over[record.node].append(str(record.kind))
-    assert all(found[:4] == ["TIMEOUT", "STOPPING", "STOPPED", "FAILED"] for found in over.values())
+    assert all(value[:4] == ["TIMEOUT", "STOPPING", "STOPPED", "FAILED"] for value in over.values())
     started = sum(record.kind is Kind.STARTED for record in sink.records)
     assert driver.kernel.status.ended
     assert started >= len(over)
@@ -142,7 +142,7 @@ def test_it_may_clean_up_within_the_grace_time(
     assert at_us == round(ends_s * 1e6)
     assert messages(sink, Kind.STOPPED) == [message]
     assert messages(sink, Kind.FAILED) == ["its time is over"]
-    started = [at for at, _, found in sink.rows if "STARTED 1" in kinds(found)]
+    started = [at for at, _, each in sink.rows if "STARTED 1" in kinds(each)]
     assert started == [at_us]
 
 

@@ -150,21 +150,21 @@ def test_one_runner_for_all_its_instances() -> None:
 
 
 def test_runners_go_in_the_order_that_the_kernel_says() -> None:
-    told: list[str] = []
+    messages: list[str] = []
 
     class Telling(Takes):
         async def start(self, context: LoadContext) -> None:
             self.name = context.interface
-            told.append(f"+{self.name}")
+            messages.append(f"+{self.name}")
 
         async def stop(self) -> None:
-            told.append(f"-{self.name}")
+            messages.append(f"-{self.name}")
 
     def make(interface: str, provider: str) -> Runner:
         return Telling()
 
     drive(compiled_of(plan("A", par_any("B s=1", "C s=2", "D s=3"))), make)
-    assert told == ["+A", "-A", "+B", "+C", "+D", "-B", "-D", "-C"]
+    assert messages == ["+A", "-A", "+B", "+C", "+D", "-B", "-D", "-C"]
 
 
 def test_a_pause_and_going_on_in_virtual_time() -> None:

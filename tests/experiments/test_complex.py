@@ -21,9 +21,9 @@ with (COMPLEX / "labels.csv").open(encoding="utf-8") as _file:
 @pytest.mark.parametrize("row", ROWS, ids=[row["path"] for row in ROWS])
 def test_the_grade_is_the_one_written_down_and_so_is_why(row: dict[str, str]) -> None:
     task = load_task(COMPLEX / f"complex{row['task']}.yaml")
-    found = Grader(task).grade((COMPLEX / row["path"]).read_bytes(), row["path"])
-    assert found.grade.value[0].upper() == row["human"]
-    assert (row["why"] or "the task is fulfilled") in found.reason
+    graded = Grader(task).grade((COMPLEX / row["path"]).read_bytes(), row["path"])
+    assert graded.grade.value[0].upper() == row["human"]
+    assert (row["why"] or "the task is fulfilled") in graded.reason
 
 
 @pytest.mark.parametrize(
@@ -50,5 +50,5 @@ def test_no_plan_does_for_another_task(number: str) -> None:
     grader = Grader(load_task(COMPLEX / f"complex{number}.yaml"))
     others = [row for row in ROWS if row["task"] != number and row["human"] == "S"]
     for row in others:
-        found = grader.grade((COMPLEX / row["path"]).read_bytes(), row["path"])
-        assert found.grade is Grade.PARTIAL
+        graded = grader.grade((COMPLEX / row["path"]).read_bytes(), row["path"])
+        assert graded.grade is Grade.PARTIAL

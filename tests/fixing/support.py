@@ -76,10 +76,10 @@ def _at(pattern: str, replacement: str | Callable[[re.Match[str]], str]) -> Dama
     """Damage one of the places where the pattern matches."""
 
     def damage(text: str, random: Random) -> str:
-        found = list(re.finditer(pattern, text))
-        if not found:
+        matches = list(re.finditer(pattern, text))
+        if not matches:
             return text
-        match = random.choice(found)
+        match = random.choice(matches)
         new = match.expand(replacement) if isinstance(replacement, str) else replacement(match)
         return text[: match.start()] + new + text[match.end() :]
 

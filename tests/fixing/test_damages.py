@@ -32,13 +32,13 @@ def test_safe_fixes_give_a_damaged_plan_its_meaning_back(name: str) -> None:
     """And its comments stay as they are."""
     for text in dict.fromkeys(damaged(name, STEPS, seed) for seed in range(4)):
         assert text != STEPS
-        found = fixed(text)
-        assert found.report.verdict is Verdict.ACCEPTED, (text, found)
-        assert meaning(found.text) == meaning(STEPS), (text, found.text)
-        again = fixed(found.text)
-        assert (again.text, again.applied) == (found.text, ())
+        result = fixed(text)
+        assert result.report.verdict is Verdict.ACCEPTED, (text, result)
+        assert meaning(result.text) == meaning(STEPS), (text, result.text)
+        again = fixed(result.text)
+        assert (again.text, again.applied) == (result.text, ())
         if name != "dashes in a comment":
-            kept = [comment.replace("\r\n", "\n") for comment in _comments(found.text)]
+            kept = [comment.replace("\r\n", "\n") for comment in _comments(result.text)]
             assert [comment for comment in kept if "text:" not in comment] == _comments(STEPS)
 
 
@@ -47,10 +47,10 @@ def test_safe_fixes_give_a_damaged_plan_its_meaning_back(name: str) -> None:
 def test_two_damages_are_never_made_worse(first: str, second: str, seed: int, unsafe: bool) -> None:
     text = damaged(second, damaged(first, STEPS, seed), seed + 1)
     before = check_text(text, "a", CheckOptions())
-    found = fixed(text, unsafe=unsafe)
-    assert _VERDICTS.index(found.report.verdict) <= _VERDICTS.index(before.verdict)
-    assert fixed(found.text, unsafe=unsafe).applied == ()
-    assert fixed(text, unsafe=unsafe) == found
+    result = fixed(text, unsafe=unsafe)
+    assert _VERDICTS.index(result.report.verdict) <= _VERDICTS.index(before.verdict)
+    assert fixed(result.text, unsafe=unsafe).applied == ()
+    assert fixed(text, unsafe=unsafe) == result
 
 
 @given(plans(), st.sampled_from(sorted(DAMAGES)), _SEEDS)
@@ -60,28 +60,28 @@ def test_random_plans_with_a_damage_are_never_made_worse(
 ) -> None:
     text = to_xml(whole).replace("<Plan>", "<Plan>\n  <!-- a comment -->", 1)  # type: ignore[arg-type]
     text = damaged(name, text, seed)
-    found = fixed(text)
-    if not found.applied:
-        assert found.text == text
-    assert "<!-- a comment -->" in found.text
-    assert fixed(found.text).applied == ()
+    result = fixed(text)
+    if not result.applied:
+        assert result.text == text
+    assert "<!-- a comment -->" in result.text
+    assert fixed(result.text).applied == ()
 
 
 @given(plans())
 def test_safe_fixes_of_readable_plans_leave_the_automaton_as_it_is(whole: object) -> None:
     text = to_xml(whole)  # type: ignore[arg-type]
-    found = fixed(text)
-    assert meaning(found.text) == meaning(text)
-    if not found.applied:
-        assert found.text == text
+    result = fixed(text)
+    assert meaning(result.text) == meaning(text)
+    if not result.applied:
+        assert result.text == text
 
 
 @given(plans())
 @_HALF
 def test_unsafe_fixes_lose_no_runner_that_some_run_needs(whole: object) -> None:
     text = to_xml(whole)  # type: ignore[arg-type]
-    found = fixed(text, unsafe=True)
-    before, after = parse(text).plan, parse(found.text).plan
+    result = fixed(text, unsafe=True)
+    before, after = parse(text).plan, parse(result.text).plan
     assert before is not None
     assert after is not None
     lost = Counter(runner.action for runner in before.runners)
@@ -92,4 +92,4 @@ def test_unsafe_fixes_lose_no_runner_that_some_run_needs(whole: object) -> None:
         runner.action for runner in before.runners if before.path(runner) in facts.unreachable
     )
     assert all(0 <= count <= never[action] for action, count in lost.items())
-    assert fixed(found.text, unsafe=True).applied == ()
+    assert fixed(result.text, unsafe=True).applied == ()

@@ -21,8 +21,8 @@ def _edits(draw: st.DrawFn) -> tuple[str, list[Edit]]:
 
 
 @given(_edits())
-def test_offsets_follow_what_is_not_edited(given_: tuple[str, list[Edit]]) -> None:
-    text, edits = given_
+def test_offsets_follow_what_is_not_edited(written: tuple[str, list[Edit]]) -> None:
+    text, edits = written
     after = apply_edits(text, reversed(edits))
     for offset, character in enumerate(text):
         if any(edit.start <= offset < edit.end for edit in edits):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -15,6 +17,11 @@ from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Verdict
 from tests.fixing.support import fixed, go, say
 
+if TYPE_CHECKING:
+    from gpsfsm.fixing.draft import Draft
+    from gpsfsm.model.report import PlanReport
+
+_PROVIDER = ' provider="nav2_capabilities/WaypointRunner"'
 _RUNNER = '<Runner interface="{name}" provider="{name}" {words}/>'
 _DEAD = f'<Plan>\n  <Control type="recovery">\n    {go(1, 3)}\n  </Control>\n</Plan>\n'
 
@@ -80,8 +87,8 @@ def test_what_an_error_hides_may_come_to_light() -> None:
 
 @pytest.mark.parametrize("text", ["", "   ", "no plan at all", "<", "&", "<Plan", "</Plan>", "\0"])
 def test_texts_without_a_plan(text: str) -> None:
-    found = fixed(text, unsafe=True)
-    assert found.report.verdict is not Verdict.ACCEPTED
+    result = fixed(text, unsafe=True)
+    assert result.report.verdict is not Verdict.ACCEPTED
 
 
 def test_no_empty_plan_is_made_of_what_says_something_else() -> None:
@@ -91,19 +98,19 @@ def test_no_empty_plan_is_made_of_what_says_something_else() -> None:
 
 def test_rules_that_are_not_selected_are_not_fixed() -> None:
     text = f"<Plan speed='1'>{go(1, 2).replace('x=', 'X=')}</Plan>"
-    found = fixed(text, selection=Selection.of(["GP112"]))
-    assert found.text == f"<Plan>{go(1, 2).replace('x=', 'X=')}</Plan>"
-    found = fixed(text, selection=Selection.of(ignore=["GP112"]))
-    assert found.text == f"<Plan speed='1'>{go(1, 2)}</Plan>"
+    result = fixed(text, selection=Selection.of(["GP112"]))
+    assert result.text == f"<Plan>{go(1, 2).replace('x=', 'X=')}</Plan>"
+    result = fixed(text, selection=Selection.of(ignore=["GP112"]))
+    assert result.text == f"<Plan speed='1'>{go(1, 2)}</Plan>"
 
 
 def test_values_without_quotes_are_left_as_they_are_if_nobody_asks() -> None:
     text = f"<Plan speed=3 pitch=4 name=a>{go(1, 2).replace('x=', 'position=(3;4) X=')}</Plan>"
-    found = fixed(text, unsafe=True, selection=Selection.of(["GP112"]))
-    assert found.text == text.replace(" speed=3 pitch=4", "")
+    result = fixed(text, unsafe=True, selection=Selection.of(["GP112"]))
+    assert result.text == text.replace(" speed=3 pitch=4", "")
     text = f"<Plan>{go(1, 2)}</Plan>".replace('x="1" y="2"', "position=(3;4)")
-    found = fixed(text, selection=Selection.of(["GP111"]))
-    assert found.text == f"<Plan>{go(3, 4)}</Plan>"
+    result = fixed(text, selection=Selection.of(["GP111"]))
+    assert result.text == f"<Plan>{go(3, 4)}</Plan>"
 
 
 def test_what_a_comment_suppresses_is_not_fixed() -> None:
@@ -114,15 +121,15 @@ def test_what_a_comment_suppresses_is_not_fixed() -> None:
 
 def test_lines_are_those_of_the_text_as_it_was() -> None:
     text = f"Sure:\n\n```xml\n<Plan>\n  hello\n  {go(1, 2).replace('y=', 'Y=')}\n</Plan>\n```\n"
-    found = fixed(text)
-    assert [(fix.rule, fix.line) for fix in found.applied][1:] == [("GP108", 5), ("GP203", 6)]
+    result = fixed(text)
+    assert [(fix.rule, fix.line) for fix in result.applied][1:] == [("GP108", 5), ("GP203", 6)]
 
 
 def test_unsafe_fixes_are_counted() -> None:
-    found = fixed(_DEAD)
-    assert (found.applied, found.unsafe_left, found.text) == ((), 1, _DEAD)
-    found = fixed(_DEAD, unsafe=True)
-    assert ([fix.safety for fix in found.applied], found.unsafe_left) == ([Safety.UNSAFE], 0)
+    result = fixed(_DEAD)
+    assert (result.applied, result.unsafe_left, result.text) == ((), 1, _DEAD)
+    result = fixed(_DEAD, unsafe=True)
+    assert ([fix.safety for fix in result.applied], result.unsafe_left) == ([Safety.UNSAFE], 0)
 
 
 def test_it_ends_where_fixes_go_in_circles(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,6 +165,43 @@ def test_one_bad_proposal_does_not_spoil_the_others(monkeypatch: pytest.MonkeyPa
     assert [fix.title for fix in fixed(text).applied] == ["good"]
 
 
+def test_many_fixes_are_made_whatever_a_report_lists() -> None:
+    """Of a rule a report lists a hundred findings; here most of those cannot be fixed."""
+    unknown = '<Runner interface="a/B"/>' * 150
+    goes = "".join(go(1, place).replace(_PROVIDER, "") for place in range(120))
+    result = fixed(f"<Plan>{unknown}{goes}</Plan>")
+    assert [fix.rule for fix in result.applied] == ["GP107"] * 120
+    assert result.before - result.after == 120
+    assert sum(finding.rule == "GP107" for finding in result.report.findings) == 100
+    assert result.text.count(_PROVIDER) == 120
+
+
+def test_few_checks_lead_to_the_bad_one_of_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = [say("a").replace("/>", f" pitch='{int(place == 40)}'/>") for place in range(64)]
+
+    def some(draft: Draft) -> list[Fix]:
+        places = [match.start() for match in re.finditer(" pitch='[01]'", draft.text)]
+        return [
+            Fix(
+                "GP203", "drop", each + 1, (Edit(each, each + 10, "<" * int(draft.text[each + 8])),)
+            )
+            for each in places
+        ]
+
+    checks: list[str] = []
+
+    def checked(text: str, path: str, options: CheckOptions) -> PlanReport:
+        checks.append(text)
+        return check_text(text, path, options)
+
+    monkeypatch.setattr(engine, "check_text", checked)
+    monkeypatch.setattr(engine, "all_fixers", lambda: (Fixer("some", ("GP203",), some),))
+    result = fixed(f"<Plan>{''.join(said)}</Plan>")
+    assert len(result.applied) == 63
+    assert result.text.count("pitch") == 1
+    assert len(checks) < 30
+
+
 def test_hostile_texts_end() -> None:
     for text in (
         "<Plan><Runner " + 'a="' * 3000,
@@ -169,8 +213,8 @@ def test_hostile_texts_end() -> None:
         "<Plan>" + "<!--" * 3000,
         "```\n" * 5000,
     ):
-        found = fixed(text, unsafe=True)
-        assert len(found.text) <= 2 * len(text)
+        result = fixed(text, unsafe=True)
+        assert len(result.text) <= 2 * len(text)
 
 
 def test_a_fixer_with_a_defect_is_told_and_the_others_work(
@@ -188,9 +232,9 @@ def test_a_fixer_with_a_defect_is_told_and_the_others_work(
     fixers = (Fixer("broken", ("GP112",), broken), Fixer("good", ("GP112",), good))
     monkeypatch.setattr(engine, "all_fixers", lambda: fixers)
     monkeypatch.delenv("GPSFSM_DEBUG", raising=False)
-    found = fixed(text)
-    assert found.text == f"<Plan>{go(1, 2)}</Plan>"
-    assert dict(found.failed) == {"broken": "KeyError: 'no such\\x1b element'"}
+    result = fixed(text)
+    assert result.text == f"<Plan>{go(1, 2)}</Plan>"
+    assert dict(result.failed) == {"broken": "KeyError: 'no such\\x1b element'"}
     monkeypatch.setenv("GPSFSM_DEBUG", "1")
     with pytest.raises(KeyError):
         fixed(text)
@@ -211,10 +255,10 @@ def test_a_text_without_a_plan_stays_as_it_is(text: str | bytes, unsafe: bool) -
 def test_a_plan_is_fixed_for_its_engine(engine: str) -> None:
     """What is found on an engine is mended, and the new text is checked on that engine."""
     text = f"<Plan>{go(1, 2)}</Plan>"
-    found = fixed(text, engine=engine)
+    result = fixed(text, engine=engine)
     rules = {finding.rule for finding in check_text(text, "", CheckOptions(engine=engine)).findings}
-    assert [fix.rule for fix in found.applied] == ["GP708"] * 2 * ("GP708" in rules)
-    assert "GP708" not in {finding.rule for finding in found.report.findings}
-    assert found.report.facts is not None
-    assert found.report.facts.engine is not None
+    assert [fix.rule for fix in result.applied] == ["GP708"] * 2 * ("GP708" in rules)
+    assert "GP708" not in {finding.rule for finding in result.report.findings}
+    assert result.report.facts is not None
+    assert result.report.facts.engine is not None
     assert fixed(text).text == text

@@ -195,17 +195,17 @@ _UNSAFE = {
 @pytest.mark.parametrize("name", _SAFE)
 def test_safe_fix(name: str) -> None:
     damaged, wanted = _SAFE[name]
-    found = fixed(damaged)
-    assert found.text == wanted
-    assert found.applied
-    assert {fix.safety for fix in found.applied} == {Safety.SAFE}
+    result = fixed(damaged)
+    assert result.text == wanted
+    assert result.applied
+    assert {fix.safety for fix in result.applied} == {Safety.SAFE}
 
 
 @pytest.mark.parametrize("name", _UNSAFE)
 def test_unsafe_fix(name: str) -> None:
     damaged, wanted = _UNSAFE[name]
-    found = fixed(damaged, unsafe=True)
-    assert found.text == wanted
+    result = fixed(damaged, unsafe=True)
+    assert result.text == wanted
     without = fixed(damaged)
     assert without.text != wanted
     assert all(fix.safety is Safety.SAFE for fix in without.applied)
@@ -217,19 +217,19 @@ def _look(name: str, more: str) -> str:
     return f'<Runner interface="{full}" provider="{full}"{more}/>'
 
 
-_ASKED = ' prompt="Is there a person?"'
+_PERSON = ' prompt="Is there a person?"'
 
 
-def _asking(name: str, more: str = _ASKED, label: str = "", before: str = "") -> str:
+def _asking(name: str, more: str = _PERSON, label: str = "", before: str = "") -> str:
     recovery = f'<Control type="recovery"{label}>{go(3, 4)}</Control>'
     return f"<Plan>\n{before}{_look(name, more)}\n{recovery}\n</Plan>\n"
 
 
-@pytest.mark.parametrize("more", [_ASKED, ' use_device="true"' + _ASKED, _ASKED + ' id="a"'])
+@pytest.mark.parametrize("more", [_PERSON, ' use_device="true"' + _PERSON, _PERSON + ' id="a"'])
 def test_a_question_before_a_recovery_is_checked(more: str) -> None:
-    found = fixed(_asking("ImageAnalysis", more), unsafe=True, selection=Selection.of(["GP312"]))
-    assert found.text == _asking("Check", more.replace(' use_device="true"', ""))
-    assert [(fix.rule, fix.safety) for fix in found.applied] == [("GP312", Safety.UNSAFE)]
+    result = fixed(_asking("ImageAnalysis", more), unsafe=True, selection=Selection.of(["GP312"]))
+    assert result.text == _asking("Check", more.replace(' use_device="true"', ""))
+    assert [(fix.rule, fix.safety) for fix in result.applied] == [("GP312", Safety.UNSAFE)]
 
 
 @pytest.mark.parametrize(
@@ -243,58 +243,58 @@ def test_a_question_before_a_recovery_is_checked(more: str) -> None:
     ],
 )
 def test_a_question_that_a_check_would_answer_otherwise_is_left(text: str) -> None:
-    found = fixed(text, unsafe=True, selection=Selection.of(["GP312"]))
-    assert (found.text, found.applied) == (text, ())
-    assert [each.rule for each in found.report.findings] == ["GP312"]
+    result = fixed(text, unsafe=True, selection=Selection.of(["GP312"]))
+    assert (result.text, result.applied) == (text, ())
+    assert [each.rule for each in result.report.findings] == ["GP312"]
 
 
 def test_an_answer_that_is_read_is_not_lost() -> None:
-    block = f'<Control type="sequential">{_look("ImageAnalysis", _ASKED)}{_look("Speech", "")}'
+    block = f'<Control type="sequential">{_look("ImageAnalysis", _PERSON)}{_look("Speech", "")}'
     rest = f'</Control><Control type="recovery" name="if_not">{go(3, 4)}</Control>'
     text = f"<Plan>{block}{rest}</Plan>"
-    found = fixed(text, unsafe=True, selection=Selection.of(["GP312"]))
-    assert (found.text, len(found.report.findings)) == (text, 1)
+    result = fixed(text, unsafe=True, selection=Selection.of(["GP312"]))
+    assert (result.text, len(result.report.findings)) == (text, 1)
 
 
 def test_what_a_packed_value_hides_is_found_and_fixed_too() -> None:
     packed = go(1, 3).replace('x="1" y="3"', 'position="1, 3"')
     opened = '<Control type="recovery" name="to_1_3">'
     text = f"<Plan>{go(2, 0)}{opened}{packed}{go(0, 2)}</Control></Plan>"
-    found = fixed(text, unsafe=True)
-    assert [(fix.rule, fix.safety.value) for fix in found.applied] == [
+    result = fixed(text, unsafe=True)
+    assert [(fix.rule, fix.safety.value) for fix in result.applied] == [
         ("GP111", "safe"),
         ("GP310", "unsafe"),
     ]
-    assert found.text == f"<Plan>{go(2, 0)}{go(1, 3)}{opened}{go(0, 2)}</Control></Plan>"
+    assert result.text == f"<Plan>{go(2, 0)}{go(1, 3)}{opened}{go(0, 2)}</Control></Plan>"
 
 
 def test_comments_of_another_plan_go_with_it() -> None:
     other = f"<Plan>\n<!-- old -->\n{go(9, 9)}\n</Plan>"
     plan = f"<Plan>\n{go(1, 2)}\n</Plan>\n"
-    found = fixed(f"First:\n{other}\n<!-- kept -->\nBetter:\n{plan}", from_response=True)
-    assert found.text == f"<!-- kept -->\n{plan}"
+    result = fixed(f"First:\n{other}\n<!-- kept -->\nBetter:\n{plan}", from_response=True)
+    assert result.text == f"<!-- kept -->\n{plan}"
 
 
 def test_what_is_lost_is_named() -> None:
     text = f"<Plan ID='a' timeout='9'>{go(1, 2)}</Plan>"
-    found = fixed(text)
-    assert found.text == f"<Plan name='a'>{go(1, 2)}</Plan>"
-    (fix,) = found.applied
+    result = fixed(text)
+    assert result.text == f"<Plan name='a'>{go(1, 2)}</Plan>"
+    (fix,) = result.applied
     assert fix.title == "'ID' changed to 'name', ineffective 'timeout' removed"
 
 
 def test_no_fix_hides_a_failure_behind_a_step_that_only_logs() -> None:
     text = f"<Plan>\n  {go(1, 2)}\n</Plan>\n"
     for selection in (Selection(), Selection.of(["ALL"]), Selection.of(["GP302"])):
-        found = fixed(text, unsafe=True, selection=selection)
-        assert (found.text, found.applied) == (text, ())
+        result = fixed(text, unsafe=True, selection=selection)
+        assert (result.text, result.applied) == (text, ())
 
 
 def test_a_second_try_is_removed_only_where_it_is_sure_to_fail() -> None:
     text = f'<Plan>\n  {go(1, 2)}\n  <Control type="recovery">{go(1, 2)}</Control>\n</Plan>\n'
     assert fixed(text, unsafe=True).applied == ()
-    found = fixed(text, unsafe=True, analysis=AnalysisOptions(consistent=True))
-    assert found.text == f"<Plan>\n  {go(1, 2)}\n</Plan>\n"
+    result = fixed(text, unsafe=True, analysis=AnalysisOptions(consistent=True))
+    assert result.text == f"<Plan>\n  {go(1, 2)}\n</Plan>\n"
 
 
 def test_units_that_have_to_run_side_by_side_stay_so() -> None:
@@ -302,9 +302,9 @@ def test_units_that_have_to_run_side_by_side_stay_so() -> None:
     name = "perception_capabilities/TranscribeRunner"
     hear = _runner(name, 'audio_request_window="60"')
     text = f'<Plan><Control type="parallel_any">{go(1, 3)}{hear}</Control>{go(0, 0)}</Plan>'
-    found = fixed(text, unsafe=True)
-    assert "GP501" in {finding.rule for finding in found.report.findings}
-    assert found.text == text
+    result = fixed(text, unsafe=True)
+    assert "GP501" in {finding.rule for finding in result.report.findings}
+    assert result.text == text
 
 
 def test_what_is_ambiguous_stays() -> None:
@@ -334,9 +334,9 @@ def test_the_interface_of_the_provider_is_written_if_it_is_like_it(
     wrong = f'interface="{interface}"'
     text = f"<Plan>{go(1, 2).replace(right, wrong)}</Plan>"
     assert interface in text
-    found = fixed(text, unsafe=unsafe)
-    assert (right in found.text) is mended
-    assert (found.report.verdict is Verdict.ACCEPTED) is mended
+    result = fixed(text, unsafe=unsafe)
+    assert (right in result.text) is mended
+    assert (result.report.verdict is Verdict.ACCEPTED) is mended
 
 
 PROMPTS = "prompt_capabilities/Prompt"
@@ -348,29 +348,29 @@ SET = _runner("fabric_capabilities/FabricSetPlanRunner", "")
 
 def test_what_waits_in_a_buffer_goes_to_the_prompt_whose_answer_is_used() -> None:
     """As robot run 7a had it: the model that plans has to get what the camera saw."""
-    found = fixed(f"<Plan>{LOOK}{NOTE}{ASK}{SET}</Plan>", unsafe=True)
-    assert found.text.replace(' uuid="person" flush="true"/>', "/>") == (
+    result = fixed(f"<Plan>{LOOK}{NOTE}{ASK}{SET}</Plan>", unsafe=True)
+    assert result.text.replace(' uuid="person" flush="true"/>', "/>") == (
         f"<Plan>{LOOK}{NOTE}{ASK}{SET}</Plan>"
     )
-    (fix,) = found.applied
+    (fix,) = result.applied
     assert (fix.rule, fix.also) == ("GP411", ("GP414",))
-    assert found.before - len(found.report.findings) == 2
+    assert result.before - len(result.report.findings) == 2
 
 
 def test_an_edit_that_trades_one_finding_for_another_is_refused() -> None:
     """Flushed, each of the two buffers would be sent too early (GP412) instead of never."""
     other = NOTE.replace('uuid="person"', 'uuid="other" text="Hello."')
     text = f"<Plan>{LOOK}{NOTE}{other}</Plan>"
-    found = fixed(text, unsafe=True)
-    rules = Counter(finding.rule for finding in found.report.findings)
+    result = fixed(text, unsafe=True)
+    rules = Counter(finding.rule for finding in result.report.findings)
     assert rules["GP412"] == 0
 
 
 def test_the_number_of_findings_before_and_after_is_that_of_two_checks() -> None:
     text = f"<Plan>{go(1, 2)}{say('a & b')}</Plan>"
-    found = fixed(text)
-    assert [fix.title for fix in found.applied] == ["'&' changed to '&amp;' in <Runner>"]
-    assert (found.before, len(found.report.findings)) == (2, 1)
+    result = fixed(text)
+    assert [fix.title for fix in result.applied] == ["'&' changed to '&amp;' in <Runner>"]
+    assert (result.before, len(result.report.findings)) == (2, 1)
 
 
 def test_prompts_whose_buffer_another_parameter_names_do_not_share_a_new_one() -> None:

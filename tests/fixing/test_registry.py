@@ -30,7 +30,7 @@ def _fixable() -> list[str]:
 
 
 def test_every_rule_has_a_fix_or_a_reason() -> None:
-    codes = {found.code for found in all_rules()}
+    codes = {each.code for each in all_rules()}
     assert set(_fixable()) | set(WITHOUT) == codes
     assert set(_fixable()) & set(WITHOUT) == set()
 
@@ -58,10 +58,10 @@ def test_the_example_of_a_rule_is_fixed(code: str) -> None:
         selection=Selection.of([code]),
         engine=words[1] if words[:1] == ("--engine",) else PAPER_ENGINE,
     )
-    found = fix_text(example.bad, options, unsafe=True)
-    assert code in {fix.rule for fix in found.applied}
-    assert code not in {finding.rule for finding in found.report.findings}
-    safeties = {fix.safety for fix in found.applied}
+    repaired = fix_text(example.bad, options, unsafe=True)
+    assert code in {fix.rule for fix in repaired.applied}
+    assert code not in {finding.rule for finding in repaired.report.findings}
+    safeties = {fix.safety for fix in repaired.applied}
     mine = [fixer for fixer in all_fixers() if code in fixer.rules]
     assert Safety.SAFE not in safeties or any(fixer.safe for fixer in mine)
     assert Safety.UNSAFE not in safeties or any(fixer.unsafe for fixer in mine)

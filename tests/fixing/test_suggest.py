@@ -85,9 +85,9 @@ def test_whatever_the_text_lines_hold_no_wrong_runner(parts: list[str]) -> None:
     correct = Suggestions()
     for finding in report.findings:
         lines = "\n".join(correct(report, finding))
-        found = check_text(f"<Plan>\n{lines}\n</Plan>", "lines", CheckOptions()).findings
+        findings = check_text(f"<Plan>\n{lines}\n</Plan>", "lines", CheckOptions()).findings
         assert not [
             each
-            for each in found
+            for each in findings
             if each.severity is Severity.ERROR and each.rule.startswith("GP2")
         ]

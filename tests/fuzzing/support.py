@@ -35,34 +35,34 @@ def library(**providers: dict[str, Any]) -> Library:
     return Library(
         tuple(Interface(f"a/{name}") for name in providers),
         tuple(
-            Provider(f"a/{name}", implements=f"a/{name}", described=True, **known)
-            for name, known in providers.items()
+            Provider(f"a/{name}", implements=f"a/{name}", described=True, **library)
+            for name, library in providers.items()
         ),
     )
 
 
-def subject(*children: str, known: Library = FREE, **options: Any) -> Subject:
-    return subject_of(plan(*children), library=known, **options)
+def subject(*children: str, described: Library = FREE, **options: Any) -> Subject:
+    return subject_of(plan(*children), library=described, **options)
 
 
 def acts(subject: Subject, **fates: tuple[Fate, int] | Fate) -> TimedScenario:
     """A scenario: ``n0=Fate.FAILED``, ``n2=(Fate.SUCCEEDED, 3000)``; the rest is plain."""
-    found = list(subject.plain.acts)
-    for name, given in fates.items():
-        fate, duration_ms = given if isinstance(given, tuple) else (given, 1_000)
-        found[int(name[1:])] = Act(fate, duration_ms)
-    return TimedScenario(tuple(found))
+    acts_ = list(subject.plain.acts)
+    for name, fate_ in fates.items():
+        fate, duration_ms = fate_ if isinstance(fate_, tuple) else (fate_, 1_000)
+        acts_[int(name[1:])] = Act(fate, duration_ms)
+    return TimedScenario(tuple(acts_))
 
 
-def strange(found: Failure) -> dict[int, tuple[str, int]]:
+def strange(failure: Failure) -> dict[int, tuple[str, int]]:
     """What is not plain in a scenario that was found."""
-    plain = found.run.subject.plain.acts
+    plain = failure.run.subject.plain.acts
     return {
         number: (act.fate.value, act.duration_ms)
-        for number, act in enumerate(found.run.scenario.acts)
+        for number, act in enumerate(failure.run.scenario.acts)
         if act != plain[number]
     }
 
 
 def messages(campaign: Campaign) -> Sequence[tuple[str, str]]:
-    return [(found.broken.name, found.breach.message) for found in campaign.failures]
+    return [(failure.broken.name, failure.breach.message) for failure in campaign.failures]

@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 SIX = [go(name) for name in "ABCDEF"]
 
 
-def found_by(function, *children: str, runs: int = 150, seed: int = 0, **options):
+def failure_of(function, *children: str, runs: int = 150, seed: int = 0, **options):
     """The one breach of a user's property, in its plainest form."""
-    known = subject(*children, **options)
-    campaign = run_campaign(known, [property_of_function(function)], runs=runs, seed=seed)
-    (found,) = campaign.failures
-    return found
+    target = subject(*children, **options)
+    campaign = run_campaign(target, [property_of_function(function)], runs=runs, seed=seed)
+    (failure,) = campaign.failures
+    return failure
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -44,8 +44,8 @@ def test_the_two_failures_that_matter_are_what_is_left(seed: int) -> None:
         return "C and F fail" if {"a/C", "a/F"} <= failed else None
 
     guarded = [part for each in SIX for part in (each, control("recovery", go("Other")))]
-    found = found_by(never_both, *guarded, seed=seed)
-    assert strange(found) == {4: ("FAILED", 1_000), 10: ("FAILED", 1_000)}
+    failure = failure_of(never_both, *guarded, seed=seed)
+    assert strange(failure) == {4: ("FAILED", 1_000), 10: ("FAILED", 1_000)}
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -54,8 +54,8 @@ def test_of_equally_many_failures_the_first_in_document_order_are_left(seed: int
         return sum(event.kind == "FAILED" for event in run.events) < 2
 
     guarded = [part for each in SIX for part in (each, control("recovery", go("Other")))]
-    found = found_by(at_most_one, *guarded, seed=seed)
-    assert strange(found) == {0: ("FAILED", 1_000), 1: ("FAILED", 1_000)}
+    failure = failure_of(at_most_one, *guarded, seed=seed)
+    assert strange(failure) == {0: ("FAILED", 1_000), 1: ("FAILED", 1_000)}
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -63,8 +63,8 @@ def test_of_durations_only_those_that_matter_are_left(seed: int) -> None:
     def third_is_not_last(run: Run) -> bool:
         return run.ended.get(2, 0) <= max((at for n, at in run.ended.items() if n != 2), default=0)
 
-    found = found_by(third_is_not_last, control("parallel_all", *SIX), seed=seed)
-    assert strange(found) == {2: ("SUCCEEDED", 2_000)}
+    failure = failure_of(third_is_not_last, control("parallel_all", *SIX), seed=seed)
+    assert strange(failure) == {2: ("SUCCEEDED", 2_000)}
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -77,28 +77,28 @@ def test_the_plainest_fault_is_left_and_a_strange_one_where_it_matters(seed: int
         late = [event for event in run.events if event.kind == "LATE"]
         assert not late, f"{late[0].element} answers too late"
 
-    found = found_by(all_start, *SIX[:3], seed=seed)
-    assert strange(found) == {0: ("NO_START", 1_000)}
-    found = found_by(none_late, *SIX[:2], control("recovery", *SIX[3:]), seed=seed)
-    assert strange(found)[1][0] == "LATE"
-    assert len(strange(found)) <= 2
-    assert found.breach.message == "/Plan/Runner[2] answers too late"
+    failure = failure_of(all_start, *SIX[:3], seed=seed)
+    assert strange(failure) == {0: ("NO_START", 1_000)}
+    failure = failure_of(none_late, *SIX[:2], control("recovery", *SIX[3:]), seed=seed)
+    assert strange(failure)[1][0] == "LATE"
+    assert len(strange(failure)) <= 2
+    assert failure.breach.message == "/Plan/Runner[2] answers too late"
 
 
 def test_a_plan_without_defects_holds_all_properties() -> None:
-    known = subject(*SIX[:3])
-    campaign = run_campaign(known, default_properties(), runs=200)
+    target = subject(*SIX[:3])
+    campaign = run_campaign(target, default_properties(), runs=200)
     assert campaign.failures == []
     assert campaign.held == ("ends", "no-orphan", "no-overlap", "replays")
     assert campaign.runs == 200
 
 
 def test_an_orphan_is_found_in_its_plainest_run() -> None:
-    known = subject(control("parallel_any", go("A"), go("B")))
-    campaign = run_campaign(known, [find_property("no-orphan")], runs=100)
-    assert [strange(found) for found in campaign.failures] == [
-        {found.breach.numbers[0]: ("SUCCEEDED", 2_000)}  # together with the other it is none
-        for found in campaign.failures
+    target = subject(control("parallel_any", go("A"), go("B")))
+    campaign = run_campaign(target, [find_property("no-orphan")], runs=100)
+    assert [strange(failure) for failure in campaign.failures] == [
+        {failure.breach.numbers[0]: ("SUCCEEDED", 2_000)}  # together with the other it is none
+        for failure in campaign.failures
     ]
     assert messages(campaign) == [
         ("no-orphan", "A at line 1 column 36 is still active when the plan completes"),
@@ -107,39 +107,39 @@ def test_an_orphan_is_found_in_its_plainest_run() -> None:
 
 
 def test_an_overlap_is_found() -> None:
-    known = subject(
+    target = subject(
         control("parallel_all", control("sequential", go("Wait"), go("Drive")), go("Turn")),
-        known=library(Wait={}, Drive={"resources": ("base",)}, Turn={"resources": ("base",)}),
+        described=library(Wait={}, Drive={"resources": ("base",)}, Turn={"resources": ("base",)}),
         faults=("failed",),
     )
-    campaign = run_campaign(known, [find_property("no-overlap")], runs=100)
-    (found,) = campaign.failures
-    assert strange(found) == {2: ("SUCCEEDED", 2_000)}
-    assert found.breach.numbers == (2, 1)
-    assert "both hold the resource 'base'" in found.breach.message
+    campaign = run_campaign(target, [find_property("no-overlap")], runs=100)
+    (failure,) = campaign.failures
+    assert strange(failure) == {2: ("SUCCEEDED", 2_000)}
+    assert failure.breach.numbers == (2, 1)
+    assert "both hold the resource 'base'" in failure.breach.message
 
 
 def test_a_runner_that_begins_when_another_ends_does_not_overlap() -> None:
-    known = subject(
+    target = subject(
         go("Drive"),
         go("Turn"),
-        known=library(Drive={"resources": ("base",)}, Turn={"resources": ("base",)}),
+        described=library(Drive={"resources": ("base",)}, Turn={"resources": ("base",)}),
     )
-    assert run_campaign(known, [find_property("no-overlap")], runs=100).failures == []
+    assert run_campaign(target, [find_property("no-overlap")], runs=100).failures == []
 
 
 def test_a_plan_that_waits_for_what_did_not_start_is_found() -> None:
-    known = subject(control("parallel_any", *SIX[:3]), faults=("no-start",))
-    (found,) = run_campaign(known, [find_property("ends")], runs=100).failures
-    assert strange(found) == {0: ("NO_START", 1_000)}
-    assert str(found.run.status) == "STUCK"
+    target = subject(control("parallel_any", *SIX[:3]), faults=("no-start",))
+    (failure,) = run_campaign(target, [find_property("ends")], runs=100).failures
+    assert strange(failure) == {0: ("NO_START", 1_000)}
+    assert str(failure.run.status) == "STUCK"
 
 
 def test_an_action_without_a_time_limit_that_hangs_is_found() -> None:
-    known = subject(*SIX[:3], faults=("hang",), limit_s=None)
-    (found,) = run_campaign(known, [find_property("ends")], runs=100).failures
-    assert [act.fate for act in found.run.scenario.acts].count(Fate.HANG) == 1
-    assert found.breach.message == "the plan waits for ever for A at line 1 column 7"
+    target = subject(*SIX[:3], faults=("hang",), limit_s=None)
+    (failure,) = run_campaign(target, [find_property("ends")], runs=100).failures
+    assert [act.fate for act in failure.run.scenario.acts].count(Fate.HANG) == 1
+    assert failure.breach.message == "the plan waits for ever for A at line 1 column 7"
 
 
 def test_an_executor_that_remembers_earlier_runs_does_not_replay(
@@ -155,8 +155,8 @@ def test_an_executor_that_remembers_earlier_runs_does_not_replay(
             emit(self, node, succeeded)
 
     monkeypatch.setattr(kernel.Kernel, "_emit_outcome", forgetful)
-    known = subject(*SIX[:2], control("recovery", go("Other")), faults=("failed",))
-    campaign = run_campaign(known, [find_property("replays")], runs=50)
+    target = subject(*SIX[:2], control("recovery", go("Other")), faults=("failed",))
+    campaign = run_campaign(target, [find_property("replays")], runs=50)
     assert campaign.failures
     assert "replay" in campaign.failures[0].breach.message
 
@@ -164,10 +164,10 @@ def test_an_executor_that_remembers_earlier_runs_does_not_replay(
 @settings(max_examples=many(15))
 @given(plans(min_runners=1, max_runners=4))
 def test_the_fewest_failures_are_those_of_the_brute_force(whole) -> None:
-    known = subject_of(to_xml(whole), faults=("failed",), library=FREE)
-    if not known.plan.runners:
+    target = subject_of(to_xml(whole), faults=("failed",), library=FREE)
+    if not target.plan.runners:
         return
-    campaign = run_campaign(known, [find_property("completes")], runs=120)
+    campaign = run_campaign(target, [find_property("completes")], runs=120)
     runs = System(whole).allowed(consistent=False, constraint=None)
     gives_up = [
         (len(bad), bad)
@@ -175,7 +175,7 @@ def test_the_fewest_failures_are_those_of_the_brute_force(whole) -> None:
         if run.gave_up
         for bad in (tuple(n for n, each in enumerate(run.outcomes) if each != "SUCCEEDED"),)
     ]
-    assert [found.run.scenario.faults for found in campaign.failures] == (
+    assert [failure.run.scenario.faults for failure in campaign.failures] == (
         [min(gives_up)[1]] if gives_up else []
     )
 
@@ -183,28 +183,28 @@ def test_the_fewest_failures_are_those_of_the_brute_force(whole) -> None:
 @settings(max_examples=many(15))
 @given(plans(min_runners=1, max_runners=4))
 def test_what_is_stuck_and_what_is_an_orphan_is_so_by_brute_force(whole) -> None:
-    known = subject_of(to_xml(whole), faults=("failed", "no-start"), library=FREE)
-    if not known.plan.runners:
+    target = subject_of(to_xml(whole), faults=("failed", "no-start"), library=FREE)
+    if not target.plan.runners:
         return
     wanted = [find_property("ends"), find_property("no-orphan")]
-    campaign = run_campaign(known, wanted, runs=60)
+    campaign = run_campaign(target, wanted, runs=60)
     system = System(whole, frozenset({"no-start"}))
     runs = list(system.allowed(consistent=False, constraint=None))
     orphans = {path for run in runs for path in run.orphans()}
-    for found in campaign.failures:
-        if found.broken.name == "ends":
+    for failure in campaign.failures:
+        if failure.broken.name == "ends":
             assert any(run.stuck for run in runs)
         else:
-            assert set(found.breach.about) <= orphans
+            assert set(failure.breach.about) <= orphans
 
 
 def test_the_same_seed_finds_the_same_and_runs_are_counted() -> None:
-    known = subject(control("parallel_any", *SIX), go("G"))
+    target = subject(control("parallel_any", *SIX), go("G"))
     ticks: list[int] = []
     one = run_campaign(
-        known, default_properties(), runs=60, seed=5, progress=lambda done, _: ticks.append(done)
+        target, default_properties(), runs=60, seed=5, progress=lambda done, _: ticks.append(done)
     )
-    other = run_campaign(known, default_properties(), runs=60, seed=5)
+    other = run_campaign(target, default_properties(), runs=60, seed=5)
     assert [(f.breach, f.run.scenario) for f in one.failures] == [
         (f.breach, f.run.scenario) for f in other.failures
     ]
@@ -239,22 +239,22 @@ def test_the_bytes_do_not_depend_on_the_hash_seed(tmp_path: Path) -> None:
 
 def test_a_time_budget_ends_the_campaign() -> None:
     now = iter(range(1_000))
-    known = subject(*SIX[:2])
+    target = subject(*SIX[:2])
     campaign = run_campaign(
-        known, default_properties(), runs=10**9, time_s=20.0, clock=lambda: float(next(now))
+        target, default_properties(), runs=10**9, time_s=20.0, clock=lambda: float(next(now))
     )
     assert campaign.cut_off
     assert campaign.runs == 19
 
 
 def test_two_processes_find_the_same_as_one() -> None:
-    known = subject(control("parallel_any", *SIX[:3]), go("D"))
+    target = subject(control("parallel_any", *SIX[:3]), go("D"))
     wanted = [*default_properties(), find_property("completes")]
     ticks: list[int] = []
     kept: list[Failure] = []
-    found = [
+    actual = [
         run_campaign(
-            known,
+            target,
             wanted,
             runs=150,
             jobs=jobs,
@@ -264,15 +264,15 @@ def test_two_processes_find_the_same_as_one() -> None:
         for jobs in (1, 2)
     ]
 
-    def told(several: list[Failure]) -> list[object]:
+    def summaries(several: list[Failure]) -> list[object]:
         return [(one.broken.name, one.breach, one.run.scenario) for one in several]
 
-    assert found[0].failures
-    assert told(found[0].failures) == told(found[1].failures)
+    assert actual[0].failures
+    assert summaries(actual[0].failures) == summaries(actual[1].failures)
     half = len(kept) // 2
-    assert told(kept[:half]) == told(kept[half:])
-    assert half == len(found[0].failures)
-    assert [each.runs for each in found] == [150, 150]
+    assert summaries(kept[:half]) == summaries(kept[half:])
+    assert half == len(actual[0].failures)
+    assert [each.runs for each in actual] == [150, 150]
     assert ticks == [*range(1, 151), *range(1, 151)]
 
 

@@ -20,9 +20,9 @@ CHILDREN = (go("A"), control("recovery", go("B")), go("C"))
 
 
 def kept(folder: Path) -> Path:
-    known = subject(*CHILDREN, faults=("failed", "late"), limit_s=30.0)
-    (found,) = run_campaign(known, [find_property("completes")], runs=30).failures
-    return keep_case(found, plan(*CHILDREN), str(folder), seed=4)
+    target = subject(*CHILDREN, faults=("failed", "late"), limit_s=30.0)
+    (failure,) = run_campaign(target, [find_property("completes")], runs=30).failures
+    return keep_case(failure, plan(*CHILDREN), str(folder), seed=4)
 
 
 def test_a_case_comes_back_as_it_was_kept(tmp_path: Path) -> None:
@@ -31,8 +31,8 @@ def test_a_case_comes_back_as_it_was_kept(tmp_path: Path) -> None:
     assert (case.file, case.broken, case.seed) == (str(path), "completes", 4)
     assert (case.faults, case.limit_s) == (("failed", "late"), 30.0)
     assert case.plan == plan(*CHILDREN)
-    known = subject(*CHILDREN)
-    assert scenario_in(case, known) == acts(known, n2=Fate.FAILED)
+    target = subject(*CHILDREN)
+    assert scenario_in(case, target) == acts(target, n2=Fate.FAILED)
 
 
 def test_the_same_case_has_the_same_name_and_bytes(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_no_folder_is_no_cases(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "message"),
     [
         ({"gpsfsm_case": 2}, "gpsfsm_case must be 1"),
         ({"time_limit_s": -1}, "time_limit_s"),
@@ -79,11 +79,11 @@ def test_no_folder_is_no_cases(tmp_path: Path) -> None:
     ],
 )
 def test_a_file_that_is_no_case_is_refused(
-    tmp_path: Path, changed: dict[str, Any], told: str
+    tmp_path: Path, changed: dict[str, Any], message: str
 ) -> None:
     path = kept(tmp_path)
     path.write_text(json.dumps({**json.loads(path.read_text()), **changed}))
-    with pytest.raises(InputError, match=told) as raised:
+    with pytest.raises(InputError, match=message) as raised:
         read_case(str(path))
     assert str(path) in str(raised.value)
 

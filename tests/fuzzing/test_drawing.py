@@ -9,13 +9,13 @@ from gpsfsm.fuzzing.subject import draw
 from gpsfsm.model.capability import Outcomes, Span
 from tests.fuzzing.support import go, library, subject
 
-KNOWN = library(
+DESCRIBED = library(
     Free={},
     Sure={"outcomes": Outcomes(never_fails=True)},
     Slow={"duration": Span(4.0, 6.5)},
     Fixed={"duration": Span(30.0, 30.0)},
 )
-SUBJECT = subject(go("Free"), go("Sure"), go("Slow"), go("Fixed"), known=KNOWN)
+SUBJECT = subject(go("Free"), go("Sure"), go("Slow"), go("Fixed"), described=DESCRIBED)
 
 
 def test_nothing_goes_wrong_at_first_and_then_each_fault_comes_alone() -> None:
@@ -41,7 +41,7 @@ def test_declared_durations_are_kept() -> None:
         for number, act in enumerate(draw(SUBJECT, 1, index).acts):
             if act.fate in (Fate.SUCCEEDED, Fate.FAILED):
                 seen[number][act.duration_ms] += 1
-    assert all(4_000 <= found <= 6_500 for found in seen[2])
+    assert all(4_000 <= each <= 6_500 for each in seen[2])
     assert {4_000, 6_500} <= set(seen[2])
     assert set(seen[3]) == {30_000}
     assert len(seen[0]) > 3

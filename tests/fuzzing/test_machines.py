@@ -18,10 +18,9 @@ from gpsfsm.execution.records import Status
 from gpsfsm.fuzzing import Act, Fate, Run, TimedScenario, play, run_campaign, subject_of
 from gpsfsm.fuzzing.campaign_report import CampaignOptions, campaign_report, case_report
 from gpsfsm.fuzzing.cases import case_text, read_case, scenario_in
-from gpsfsm.fuzzing.machine_mutants import MachineRows, machine_mutations
-from gpsfsm.fuzzing.machine_runs import MachineRun
-from gpsfsm.fuzzing.mutation import Notice, mutate
+from gpsfsm.fuzzing.mutation import MachineRows, Notice, machine_mutations, mutate
 from gpsfsm.fuzzing.properties import default_properties, find_property
+from gpsfsm.fuzzing.runs import MachineRun
 from gpsfsm.fuzzing.subject import VISITS, draw
 from gpsfsm.model.event import End
 from tests.analysis.machines.random_machines import machine, machines
@@ -209,9 +208,9 @@ def test_a_case_of_a_machine_is_played_again(tmp_path: Path) -> None:
     wanted = scenario(each, a=[F, F, S], b=[S, F])
     run = play(each, wanted)
     (breach,) = find_property("ends").check(run)
-    found = gpsfsm.fuzzing.Failure(find_property("ends"), breach, run)
+    failure = gpsfsm.fuzzing.Failure(find_property("ends"), breach, run)
     file = tmp_path / "case.json"
-    file.write_text(case_text(found, str(MachineRows(each.plan))))  # type: ignore[arg-type]
+    file.write_text(case_text(failure, str(MachineRows(each.plan))))  # type: ignore[arg-type]
     case = read_case(str(file))
     assert scenario_in(case, each) == wanted
     assert [act["visit"] for act in json.loads(file.read_text())["acts"]] == [1, 2, 2]
@@ -229,8 +228,11 @@ def test_properties_of_ones_own_see_every_visit() -> None:
 
     report = gpsfsm.fuzz(machine(*LOOP), runs=100, faults=["failed"], properties=[three_visits])
     assert [finding.name for finding in report.findings] == ["three_visits"]
-    (found,) = report.campaign.failures
-    assert [number for number, act in enumerate(found.run.scenario.acts) if act.fate is F] == [0, 1]
+    (failure,) = report.campaign.failures
+    assert [number for number, act in enumerate(failure.run.scenario.acts) if act.fate is F] == [
+        0,
+        1,
+    ]
 
 
 def test_machines_that_are_not_run() -> None:

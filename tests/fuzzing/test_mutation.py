@@ -41,20 +41,20 @@ GOOD = plan(go("A", x="1"), control("recovery", go("C")), go("B"))
 def by_operator(text: str) -> dict[str, list[str]]:
     """The texts of all mutants, without line ends and providers, in the form of ``plan``."""
     whole = plan_of(text)
-    found: dict[str, list[str]] = {}
+    results: dict[str, list[str]] = {}
     for operator in operators():
         for mutation in operator.mutations(whole):
             tree = Tree(whole)
             mutation.change(tree)
             lines = (line.strip() for line in str(tree).splitlines())
-            found.setdefault(operator.name, []).append("".join(lines))
-    return found
+            results.setdefault(operator.name, []).append("".join(lines))
+    return results
 
 
 def test_all_mutants_of_a_small_plan() -> None:
     a, b = go("A", x="1"), go("B")
-    found = by_operator(plan(a, control("recovery", b)))
-    assert found == {
+    mutants = by_operator(plan(a, control("recovery", b)))
+    assert mutants == {
         "control-type": [
             plan(a, control(word, b)) for word in ("sequential", "parallel_any", "parallel_all")
         ],
@@ -79,8 +79,8 @@ def test_all_mutants_of_a_small_plan() -> None:
 
 def test_children_are_moved_into_the_control_before_them() -> None:
     a, b = go("A"), go("B")
-    found = by_operator(plan(control("parallel_all", a), b))
-    assert plan(control("parallel_all", a, b)) in found["renest"]
+    mutants = by_operator(plan(control("parallel_all", a), b))
+    assert plan(control("parallel_all", a, b)) in mutants["renest"]
 
 
 @pytest.mark.parametrize(
@@ -164,10 +164,10 @@ def test_a_mutant_beyond_a_limit_is_undecided_and_no_end_of_the_matter() -> None
     deep = plan(control("sequential", go("A")), control("sequential", go("B")))
     limits = Limits(max_depth=3)
     score = mutate(plan_of(deep), CheckOptions(limits=limits, selection=Selection.of(("GP3",), ())))
-    told = {m.mutation.summary for m in score.mutants if m.notice is Notice.UNDECIDED}
+    summaries = {m.mutation.summary for m in score.mutants if m.notice is Notice.UNDECIDED}
     where = "the sequential at line"
-    assert len(told) == 1
-    assert all(f"moves {where}" in each and f"into {where}" in each for each in told)
+    assert len(summaries) == 1
+    assert all(f"moves {where}" in each and f"into {where}" in each for each in summaries)
     with pytest.raises(UsageError, match="too large to be written"):
         mutate(plan_of(deep), CheckOptions(limits=Limits(max_depth=2)))
 
@@ -175,16 +175,16 @@ def test_a_mutant_beyond_a_limit_is_undecided_and_no_end_of_the_matter() -> None
 def test_the_same_seed_draws_the_same_mutants() -> None:
     text = plan(*(go(name, x=str(number)) for number, name in enumerate("ABCDEF")))
     options = CheckOptions(selection=Selection.of(("GP307",), ()))
-    told = [
+    summaries = [
         [
             each.mutation.summary
             for each in mutate(plan_of(text), options, seed=seed, most=5).mutants
         ]
         for seed in (1, 1, 2)
     ]
-    assert len(told[0]) == 5
-    assert told[0] == told[1]
-    assert told[0] != told[2]
+    assert len(summaries[0]) == 5
+    assert summaries[0] == summaries[1]
+    assert summaries[0] != summaries[2]
 
 
 def test_a_time_budget_ends_it() -> None:

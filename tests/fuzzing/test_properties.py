@@ -97,21 +97,21 @@ def test_progress_is_a_function() -> None:
 
 
 def test_a_plan_that_does_what_the_task_asks_for_holds_it() -> None:
-    known = subject(go("A"), control("recovery", go("C")), go("B"), go("Say"))
-    assert run_campaign(known, [property_of_task(rounds())], runs=150).failures == []
+    target = subject(go("A"), control("recovery", go("C")), go("B"), go("Say"))
+    assert run_campaign(target, [property_of_task(rounds())], runs=150).failures == []
 
 
 def test_a_missing_alternative_is_found_with_the_failure_that_shows_it() -> None:
-    known = subject(go("A"), go("B"))
-    (found,) = run_campaign(known, [property_of_task(rounds())], runs=50).failures
-    assert strange(found) == {0: ("FAILED", 1_000)}
-    assert found.breach.about[0] == "GP605"
+    target = subject(go("A"), go("B"))
+    (failure,) = run_campaign(target, [property_of_task(rounds())], runs=50).failures
+    assert strange(failure) == {0: ("FAILED", 1_000)}
+    assert failure.breach.about[0] == "GP605"
 
 
 def test_a_broken_rule_is_found_with_the_failure_that_shows_it() -> None:
-    known = subject(go("A"), control("recovery", go("Say"), go("C")), go("B"))
-    found = run_campaign(known, [property_of_task(rounds())], runs=60).failures
-    (broken,) = [each for each in found if each.breach.about[0] == "GP608"]
+    target = subject(go("A"), control("recovery", go("Say"), go("C")), go("B"))
+    failures = run_campaign(target, [property_of_task(rounds())], runs=60).failures
+    (broken,) = [each for each in failures if each.breach.about[0] == "GP608"]
     assert strange(broken) == {0: ("FAILED", 1_000)}
     assert broken.breach.numbers == (1,)
 
@@ -130,9 +130,9 @@ rules:
 def test_what_starts_at_the_instant_of_the_end_has_started() -> None:
     """An empty control completes the plan at once, while both others start."""
     twice = go("GoRunner") * 2
-    known = subject(control("parallel_any", twice, control("sequential")), faults=("failed",))
-    campaign = run_campaign(known, [property_of_task(read_task(TASK))], runs=20)
-    assert [found.breach.about[0] for found in campaign.failures] == ["GP604"]
+    target = subject(control("parallel_any", twice, control("sequential")), faults=("failed",))
+    campaign = run_campaign(target, [property_of_task(read_task(TASK))], runs=20)
+    assert [failure.breach.about[0] for failure in campaign.failures] == ["GP604"]
 
 
 @settings(max_examples=25)
@@ -140,14 +140,14 @@ def test_what_starts_at_the_instant_of_the_end_has_started() -> None:
 def test_what_runs_break_the_decision_procedure_finds_too(whole) -> None:
     """No run leaves a task that the exact decision calls fulfilled, nor in another way."""
     task = read_task(TASK)
-    known = subject_of(to_xml(whole), faults=("failed",), library=FREE)
-    if not known.plan.runners:
+    target = subject_of(to_xml(whole), faults=("failed",), library=FREE)
+    if not target.plan.runners:
         return
-    campaign = run_campaign(known, [property_of_task(task)], runs=60)
-    compiled = compile_plan(known.plan)
-    decision = decide_task(compiled, constraints_of(known.plan), task)
+    campaign = run_campaign(target, [property_of_task(task)], runs=60)
+    compiled = compile_plan(target.plan)
+    decision = decide_task(compiled, constraints_of(target.plan), task)
     codes = {departure.rule for departure in decision.departures}
-    assert {found.breach.about[0] for found in campaign.failures} <= codes
+    assert {failure.breach.about[0] for failure in campaign.failures} <= codes
     if decision.fulfilled:
         assert messages(campaign) == []
 
@@ -173,8 +173,8 @@ def test_a_function_of_a_file_is_a_property(tmp_path: Path) -> None:
     file.write_text(PROPERTIES)
     quick = property_of(f"{file}:quick")
     assert quick.holds == "Every run takes less than five seconds."
-    known = subject(go("A"))
-    run = play(known, acts(known, n0=(Fate.SUCCEEDED, 7_000)))
+    target = subject(go("A"))
+    run = play(target, acts(target, n0=(Fate.SUCCEEDED, 7_000)))
     assert [breach.message for breach in quick.check(run)] == ["it takes 7 s"]
     assert [breach.numbers for breach in property_of(f"{file}:named").check(run)] == [(0,)]
     assert property_of(f"{file}:WHOLE").holds == "it holds"

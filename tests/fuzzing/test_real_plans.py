@@ -28,9 +28,9 @@ def test_all_orphans_that_there_can_be_are_found(name: str) -> None:
     assert facts is not None
     wanted = [find_property("no-orphan"), find_property("completes")]
     campaign = run_campaign(subject_of(text, faults=("failed",)), wanted, runs=1_000)
-    orphans = [found for found in campaign.failures if found.broken.name == "no-orphan"]
-    assert sorted(found.breach.about[0] for found in orphans) == sorted(facts.orphans)
-    assert all(len(found.run.scenario.faults) <= 1 for found in orphans)
+    orphans = [failure for failure in campaign.failures if failure.broken.name == "no-orphan"]
+    assert sorted(orphan.breach.about[0] for orphan in orphans) == sorted(facts.orphans)
+    assert all(len(orphan.run.scenario.faults) <= 1 for orphan in orphans)
     (gives_up,) = campaign.failures[len(orphans) :]
     assert len(gives_up.run.scenario.faults) == facts.fewest_failures_to_give_up
 
@@ -48,13 +48,13 @@ def test_what_is_found_in_real_plans_is_among_the_facts(shared_corpus: Path) -> 
         (report,) = gpsfsm.check(file.read_bytes(), faults=["no-start"]).plans
         campaign = run_campaign(subject, default_properties(), runs=RUNS)
         assert report.facts is not None
-        for found in campaign.failures:
-            if found.broken.name == "ends":
+        for failure in campaign.failures:
+            if failure.broken.name == "ends":
                 assert report.facts.stuck != "never", file
-            elif found.broken.name == "no-orphan":
-                assert set(found.breach.about) <= set(report.facts.orphans), file
+            elif failure.broken.name == "no-orphan":
+                assert set(failure.breach.about) <= set(report.facts.orphans), file
             else:
-                assert found.broken.name == "no-overlap", (file, found.breach)
-                told = {rule.rule for rule in (*report.findings, *report.suppressed)}
-                assert "GP501" in told, file
+                assert failure.broken.name == "no-overlap", (file, failure.breach)
+                rules = {rule.rule for rule in (*report.findings, *report.suppressed)}
+                assert "GP501" in rules, file
     assert tried > 5

@@ -17,10 +17,10 @@ FATES = (Fate.SUCCEEDED, Fate.FAILED)
 
 def every() -> list[TimedScenario]:
     """All plain scenarios, the plainest first: fewest failures, then the first ones."""
-    found = [
+    actual = [
         TimedScenario(tuple(Act(fate) for fate in fates)) for fates in product(FATES, repeat=5)
     ]
-    return sorted(found, key=lambda each: (len(each.faults), each.faults))
+    return sorted(actual, key=lambda each: (len(each.faults), each.faults))
 
 
 @given(

@@ -52,21 +52,21 @@ def excused(plan: str, rule: str) -> str:
 
 
 def test_a_good_plan_passes() -> None:
-    found = gate_text(GOOD, "plan.xml")
-    assert (found.decision, found.reason, found.findings) == (
+    verdict = gate_text(GOOD, "plan.xml")
+    assert (verdict.decision, verdict.reason, verdict.findings) == (
         CheckVerdict.ACCEPTED,
         Reason.PASSED,
         (),
     )
-    assert found.accepted
+    assert verdict.accepted
 
 
 @pytest.mark.parametrize("text", [WRONG, "", "hello", b"\xff", "<Plan>", "<Plan/>", "<Plan>" * 500])
 def test_whatever_is_not_sure_to_be_right_is_refused(text: str | bytes) -> None:
-    found = gate_text(text, "plan.xml")
-    assert not found.accepted
-    assert found.reason is not Reason.PASSED
-    assert found.message
+    verdict = gate_text(text, "plan.xml")
+    assert not verdict.accepted
+    assert verdict.reason is not Reason.PASSED
+    assert verdict.message
 
 
 @given(st.text(max_size=60) | st.binary(max_size=60))
@@ -76,8 +76,8 @@ def test_no_text_makes_it_raise_and_no_noise_passes(text: str | bytes) -> None:
 
 def test_a_limit_makes_it_inconclusive() -> None:
     options = GateOptions(check=CheckOptions(limits=Limits(max_elements=1), trees=False))
-    found = gate_text(GOOD, "plan.xml", options)
-    assert (found.decision, found.reason) == (CheckVerdict.UNDECIDED, Reason.INCONCLUSIVE)
+    verdict = gate_text(GOOD, "plan.xml", options)
+    assert (verdict.decision, verdict.reason) == (CheckVerdict.UNDECIDED, Reason.INCONCLUSIVE)
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, MemoryError, RecursionError, SystemExit(0)])
@@ -88,13 +88,13 @@ def test_a_check_that_breaks_lets_nothing_through(
         raise error
 
     monkeypatch.setattr(gpsfsm.gating.deciding, "check_text", broken)
-    found = gate_text(GOOD, "plan.xml")
-    assert (found.decision, found.reason) == (CheckVerdict.UNDECIDED, Reason.INCONCLUSIVE)
+    verdict = gate_text(GOOD, "plan.xml")
+    assert (verdict.decision, verdict.reason) == (CheckVerdict.UNDECIDED, Reason.INCONCLUSIVE)
     kind = error if isinstance(error, type) else type(error)
-    assert kind.__name__ in found.message
-    assert found.digests == digests_of(GOOD, GateOptions())
-    assert found.report is not None
-    assert found.report.verdict is CheckVerdict.UNDECIDED
+    assert kind.__name__ in verdict.message
+    assert verdict.digests == digests_of(GOOD, GateOptions())
+    assert verdict.report is not None
+    assert verdict.report.verdict is CheckVerdict.UNDECIDED
 
 
 def test_digests_that_break_let_nothing_through(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,9 +102,9 @@ def test_digests_that_break_let_nothing_through(monkeypatch: pytest.MonkeyPatch)
         raise MemoryError
 
     monkeypatch.setattr(gpsfsm.gating.deciding, "digests_of", broken)
-    found = gate_text(GOOD, "plan.xml")
-    assert (found.decision, found.reason) == (CheckVerdict.UNDECIDED, Reason.INCONCLUSIVE)
-    assert found.digests.all == ""
+    verdict = gate_text(GOOD, "plan.xml")
+    assert (verdict.decision, verdict.reason) == (CheckVerdict.UNDECIDED, Reason.INCONCLUSIVE)
+    assert verdict.digests.all == ""
 
 
 UNSURE = (
@@ -127,8 +127,8 @@ def test_an_acceptance_that_knows_nothing_is_none(
         changes = {"facts": replace(good.facts, **{unknown: Frequency.UNKNOWN})}
     unsure = replace(good, findings=(), **changes)
     monkeypatch.setattr(gpsfsm.gating.deciding, "check_text", lambda *_: unsure)
-    found = gate_text(GOOD, "plan.xml", GateOptions(allow_suppressions=True))
-    assert (bool(found), found.reason) == (False, Reason.INCONCLUSIVE)
+    verdict = gate_text(GOOD, "plan.xml", GateOptions(allow_suppressions=True))
+    assert (bool(verdict), verdict.reason) == (False, Reason.INCONCLUSIVE)
 
 
 @pytest.mark.parametrize("lenient", [True, False])
@@ -136,32 +136,32 @@ def test_a_rejection_without_reasons_is_one(monkeypatch: pytest.MonkeyPatch, len
     good = check_text(GOOD, "plan.xml", CheckOptions())
     rejected = replace(good, findings=(), verdict=CheckVerdict.REJECTED)
     monkeypatch.setattr(gpsfsm.gating.deciding, "check_text", lambda *_: rejected)
-    found = gate_text(GOOD, "plan.xml", GateOptions(allow_suppressions=lenient))
-    assert (found.accepted, found.reason) == (False, Reason.FINDINGS)
+    verdict = gate_text(GOOD, "plan.xml", GateOptions(allow_suppressions=lenient))
+    assert (verdict.accepted, verdict.reason) == (False, Reason.FINDINGS)
 
 
 def test_z3_running_out_of_steps_is_a_refusal() -> None:
     twice = f"<Plan>{RUNNER}{RUNNER}</Plan>"
     analysis = AnalysisOptions(consistent=True, total_rlimit=1)
     options = GateOptions(check=CheckOptions(trees=False, analysis=analysis))
-    found = gate_text(twice, "plan.xml", options)
-    assert (found.accepted, found.reason, found.reason.exit_code) == (
+    verdict = gate_text(twice, "plan.xml", options)
+    assert (verdict.accepted, verdict.reason, verdict.reason.exit_code) == (
         False,
         Reason.INCONCLUSIVE,
         2,
     )
-    assert {each.rule for each in found.findings} == {"GP904"}
+    assert {each.rule for each in verdict.findings} == {"GP904"}
     assert gate_text(twice, "plan.xml").accepted
 
 
 def test_the_truth_value_and_the_words_are_those_of_the_verdict() -> None:
-    found = [gate_text(each, "plan.xml") for each in (GOOD, WRONG, "<Plan/>")]
-    assert [(bool(each), str(each), each.reason.exit_code) for each in found] == [
+    verdicts = [gate_text(each, "plan.xml") for each in (GOOD, WRONG, "<Plan/>")]
+    assert [(bool(each), str(each), each.reason.exit_code) for each in verdicts] == [
         (True, "accepted (structure only: no task was given)", 0),
         (False, "rejected: findings", 1),
         (False, "rejected: empty", 1),
     ]
-    liar = replace(found[1], decision=CheckVerdict.ACCEPTED)
+    liar = replace(verdicts[1], decision=CheckVerdict.ACCEPTED)
     assert not liar
 
 
@@ -173,20 +173,20 @@ def test_it_says_that_only_the_structure_was_decided(tmp_path: Path) -> None:
     file.write_text(TASK, "utf-8")
     options = GateOptions(check=CheckOptions(trees=False, task=load_task(file)))
     for plan, words in ((STOP, "accepted"), (GOOD, "rejected: findings")):
-        found = gate_text(plan, "plan.xml", options)
-        assert str(found) == words
+        verdict = gate_text(plan, "plan.xml", options)
+        assert str(verdict) == words
         digest = hashlib.sha256(TASK.encode()).hexdigest()
         basis = {"scope": "structure and task", "task": digest, "engine": None}
-        assert found.to_dict()["basis"] == basis
+        assert verdict.to_dict()["basis"] == basis
     assert refusal(GOOD, options, "no time").basis.task == digest
 
 
 def test_it_says_that_failures_hang_on_an_engine() -> None:
     waits = RUNNER.replace("a/Go", "std_capabilities/WaitRunner")
     options = GateOptions(check=CheckOptions(trees=False, engine="fabric-v2"))
-    found = gate_text(f"<Plan>{waits}</Plan>", "plan.xml", options)
-    assert "any unhandled failure hangs on fabric-v2" in found.basis.remarks
-    engine = found.to_dict()["basis"]["engine"]
+    verdict = gate_text(f"<Plan>{waits}</Plan>", "plan.xml", options)
+    assert "any unhandled failure hangs on fabric-v2" in verdict.basis.remarks
+    engine = verdict.to_dict()["basis"]["engine"]
     assert engine["name"] == "fabric-v2"
     assert engine["hangs"] in ("always", "sometimes", "never")
 
@@ -206,12 +206,12 @@ def test_the_reason_settles_the_verdict(reason: Reason) -> None:
     ],
 )
 def test_in_the_report_what_refuses_is_an_error(text: str, options: GateOptions) -> None:
-    found = gate_text(text, "plan.xml", options)
-    assert found.report is not None
-    assert found.report.verdict is CheckVerdict.REJECTED
-    shown = {each.rule for each in found.report.findings if each.severity is Severity.ERROR}
-    assert shown == {each.rule for each in found.findings} != set()
-    assert Report((found.report,)).exit_code() == 1
+    verdict = gate_text(text, "plan.xml", options)
+    assert verdict.report is not None
+    assert verdict.report.verdict is CheckVerdict.REJECTED
+    shown = {each.rule for each in verdict.report.findings if each.severity is Severity.ERROR}
+    assert shown == {each.rule for each in verdict.findings} != set()
+    assert Report((verdict.report,)).exit_code() == 1
     accepted = gate_text(GOOD, "plan.xml").report
     assert accepted is not None
     assert Report((accepted,)).exit_code() == 0
@@ -232,17 +232,17 @@ def test_a_task_and_an_engine_refuse_as_well(tmp_path: Path) -> None:
 
 def test_warnings_refuse_where_that_is_asked_for() -> None:
     assert gate_text(WARNS, "plan.xml").accepted
-    found = gate_text(WARNS, "plan.xml", GateOptions(fail_on=Severity.WARNING))
-    assert found.reason is Reason.FINDINGS
-    assert {each.severity for each in found.findings} == {Severity.WARNING}
+    verdict = gate_text(WARNS, "plan.xml", GateOptions(fail_on=Severity.WARNING))
+    assert verdict.reason is Reason.FINDINGS
+    assert {each.severity for each in verdict.findings} == {Severity.WARNING}
 
 
 def test_comments_in_a_plan_excuse_nothing_unless_they_may() -> None:
     strict = GateOptions(fail_on=Severity.WARNING)
     rules = {each.rule for each in gate_text(WARNS, "plan.xml", strict).findings}
     text = excused(WARNS, ",".join(sorted(rules)))
-    found = gate_text(text, "plan.xml", strict)
-    assert {each.rule for each in found.findings} >= rules
+    verdict = gate_text(text, "plan.xml", strict)
+    assert {each.rule for each in verdict.findings} >= rules
     lenient = replace(strict, allow_suppressions=True)
     assert gate_text(text, "plan.xml", lenient).accepted
 
@@ -250,8 +250,8 @@ def test_comments_in_a_plan_excuse_nothing_unless_they_may() -> None:
 def test_options_hide_no_errors() -> None:
     rules = tuple(each.rule for each in gate_text(WRONG, "plan.xml").findings)
     options = GateOptions(check=replace(check_options(ignore=rules), trees=False))
-    found = gate_text(WRONG, "plan.xml", options)
-    assert {each.rule for each in found.findings} == set(rules)
+    verdict = gate_text(WRONG, "plan.xml", options)
+    assert {each.rule for each in verdict.findings} == set(rules)
 
 
 def test_an_empty_plan_passes_where_it_may() -> None:
@@ -285,7 +285,7 @@ def test_digests_are_the_same_in_every_process(tmp_path: Path) -> None:
         "check = replace(check_options(), task=load_task('task.yaml'))\n"
         "print(digests_of(b'', GateOptions(check=check)).options)\n"
     )
-    told = {
+    output = {
         subprocess.run(
             [sys.executable, "-c", code],
             cwd=tmp_path,
@@ -296,8 +296,8 @@ def test_digests_are_the_same_in_every_process(tmp_path: Path) -> None:
         ).stdout
         for seed in ("1", "2")
     }
-    assert len(told) == 1
-    with_task = told.pop().splitlines()[1]
+    assert len(output) == 1
+    with_task = output.pop().splitlines()[1]
     without = digests_of(b"", GateOptions(check=check_options())).options
     engine = digests_of(b"", GateOptions(check=check_options(engine="fabric-v1"))).options
     assert len({with_task, without, engine}) == 3
@@ -310,10 +310,10 @@ def test_what_has_no_form_of_its_own_has_no_digest() -> None:
 
 
 def test_digests_tell_what_was_decided_about() -> None:
-    found = gate_text(GOOD, "plan.xml").digests
-    assert found.plan == hashlib.sha256(GOOD.encode()).hexdigest()
-    assert gate_text(GOOD.encode(), "other.xml").digests == found
-    assert refusal(GOOD, GateOptions(), "too slow").digests == found
+    actual = gate_text(GOOD, "plan.xml").digests
+    assert actual.plan == hashlib.sha256(GOOD.encode()).hexdigest()
+    assert gate_text(GOOD.encode(), "other.xml").digests == actual
+    assert refusal(GOOD, GateOptions(), "too slow").digests == actual
     others = [
         GateOptions(fail_on=Severity.WARNING),
         GateOptions(allow_suppressions=True),
@@ -323,13 +323,13 @@ def test_digests_tell_what_was_decided_about() -> None:
         GateOptions(check=replace(check_options(ignore=["GP302"]), trees=False)),
     ]
     digests = [gate_text(GOOD, "plan.xml", each).digests for each in others]
-    assert len({each.options for each in digests} | {found.options}) == len(others) + 1
-    assert len({each.all for each in digests} | {found.all}) == len(others) + 1
+    assert len({each.options for each in digests} | {actual.options}) == len(others) + 1
+    assert len({each.all for each in digests} | {actual.all}) == len(others) + 1
     unknown = GateOptions(check=CheckOptions(trees=False, capabilities=EMPTY))
     other = gate_text(GOOD, "plan.xml", unknown).digests
-    assert (other.options, other.plan) == (found.options, found.plan)
-    assert other.capabilities != found.capabilities
-    assert other.all != found.all
+    assert (other.options, other.plan) == (actual.options, actual.plan)
+    assert other.capabilities != actual.capabilities
+    assert other.all != actual.all
 
 
 WAIT = "generic_capabilities/WaitRunner"

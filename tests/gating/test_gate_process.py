@@ -34,8 +34,8 @@ ACCEPTED = "accepted (structure only: no task was given)"
 
 @pytest.fixture(scope="module")
 def gate() -> Iterator[Gate]:
-    with Gate(budget_ms=60_000) as found:
-        yield found
+    with Gate(budget_ms=60_000) as process:
+        yield process
 
 
 @pytest.mark.parametrize(
@@ -50,10 +50,10 @@ def test_what_takes_too_long_is_refused_and_the_next_plan_is_decided() -> None:
     with Gate(budget_ms=300) as impatient:
         worker = impatient._worker
         assert worker is not None
-        found = impatient(HUGE, "huge.xml")
-        assert (found.accepted, found.reason) == (False, Reason.INCONCLUSIVE)
-        assert "300 ms" in found.message
-        assert found.digests == digests_of(HUGE, GateOptions())
+        verdict = impatient(HUGE, "huge.xml")
+        assert (verdict.accepted, verdict.reason) == (False, Reason.INCONCLUSIVE)
+        assert "300 ms" in verdict.message
+        assert verdict.digests == digests_of(HUGE, GateOptions())
         assert worker._process.poll() is not None  # it is not left running
         impatient.budget_ms = 60_000
         assert impatient(GOOD, "good.xml").accepted
@@ -64,9 +64,9 @@ def test_a_worker_that_dies_is_a_refusal_and_is_replaced(gate: Gate) -> None:
     assert gate._worker is not None
     gate._worker._process.kill()
     gate._worker._process.wait()
-    found = gate(GOOD)
-    assert (found.accepted, found.reason) == (False, Reason.INCONCLUSIVE)
-    assert "has ended" in found.message
+    verdict = gate(GOOD)
+    assert (verdict.accepted, verdict.reason) == (False, Reason.INCONCLUSIVE)
+    assert "has ended" in verdict.message
     assert gate(GOOD).accepted
 
 
@@ -74,9 +74,9 @@ def test_a_worker_that_dies_is_a_refusal_and_is_replaced(gate: Gate) -> None:
 def test_what_takes_too_much_memory_is_refused_and_the_next_plan_is_decided() -> None:
     large = b"<Plan><!--" + b"x" * 60_000_000 + b"-->" + RUNNER.encode() + b"</Plan>"
     with Gate(budget_ms=60_000, memory_mb=256) as narrow:
-        found = narrow(large, "large.xml")
-        assert (found.accepted, found.reason) == (False, Reason.INCONCLUSIVE)
-        assert "memory" in found.message
+        verdict = narrow(large, "large.xml")
+        assert (verdict.accepted, verdict.reason) == (False, Reason.INCONCLUSIVE)
+        assert "memory" in verdict.message
         assert narrow(GOOD, "good.xml").accepted
 
 
@@ -116,8 +116,8 @@ def test_a_worker_that_talks_nonsense_is_a_refusal(
     code = "import sys; sys.path[:] = sys.argv[2:]\n" + LIAR.format(answer=answer)
     monkeypatch.setattr(child_module, "_PROGRAM", code)
     with Gate(budget_ms=60_000) as deceived:
-        found = deceived(GOOD.replace("Go", "Stop"))
-    assert (found.accepted, found.reason) == (False, Reason.INCONCLUSIVE)
+        verdict = deceived(GOOD.replace("Go", "Stop"))
+    assert (verdict.accepted, verdict.reason) == (False, Reason.INCONCLUSIVE)
 
 
 @pytest.mark.parametrize("executable", ["", "/no/such/python", sys.executable])
@@ -126,8 +126,8 @@ def test_without_a_worker_there_is_no_acceptance(
 ) -> None:
     monkeypatch.setattr(sys, "executable", executable)
     monkeypatch.setattr(child_module, "_PROGRAM", "raise SystemExit(0)")
-    found = gpsfsm.gate(GOOD)
-    assert (bool(found), found.reason) == (False, Reason.INCONCLUSIVE)
+    verdict = gpsfsm.gate(GOOD)
+    assert (bool(verdict), verdict.reason) == (False, Reason.INCONCLUSIVE)
 
 
 def test_a_machine_that_can_start_nothing_accepts_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,9 +135,9 @@ def test_a_machine_that_can_start_nothing_accepts_nothing(monkeypatch: pytest.Mo
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(gate_process, "start_worker", broken)
-    found = gpsfsm.gate(GOOD)
-    assert (bool(found), found.reason) == (False, Reason.INCONCLUSIVE)
-    assert "RuntimeError" in found.message
+    verdict = gpsfsm.gate(GOOD)
+    assert (bool(verdict), verdict.reason) == (False, Reason.INCONCLUSIVE)
+    assert "RuntimeError" in verdict.message
 
 
 def test_what_cannot_be_handed_over_is_a_refusal() -> None:
@@ -149,9 +149,9 @@ def test_what_cannot_be_handed_over_is_a_refusal() -> None:
 def test_a_worker_that_never_is_ready_is_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child_module, "_PROGRAM", "import time; time.sleep(600)")
     monkeypatch.setattr(gate_process, "_START_S", 0.2)
-    found = gpsfsm.gate(GOOD)
-    assert (bool(found), found.reason) == (False, Reason.INCONCLUSIVE)
-    assert "ready" in found.message
+    verdict = gpsfsm.gate(GOOD)
+    assert (bool(verdict), verdict.reason) == (False, Reason.INCONCLUSIVE)
+    assert "ready" in verdict.message
 
 
 def test_it_takes_no_module_from_the_current_folder(
@@ -238,17 +238,17 @@ def test_a_process_is_started_before_anything_heavy_is_loaded() -> None:
 
 def test_threads_take_turns(gate: Gate) -> None:
     texts = [GOOD, WRONG] * 4
-    found: dict[int, str] = {}
+    actual: dict[int, str] = {}
 
     def ask(number: int) -> None:
-        found[number] = str(gate(texts[number]))
+        actual[number] = str(gate(texts[number]))
 
     threads = [threading.Thread(target=ask, args=(number,)) for number in range(len(texts))]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert [found[number] for number in range(8)] == [ACCEPTED, "rejected: findings"] * 4
+    assert [actual[number] for number in range(8)] == [ACCEPTED, "rejected: findings"] * 4
 
 
 def test_senseless_options_are_told() -> None:
@@ -259,7 +259,7 @@ def test_senseless_options_are_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"budget_ms": 0}, "budget_ms"),
         ({"budget_ms": True}, "budget_ms"),
@@ -272,8 +272,8 @@ def test_senseless_options_are_told() -> None:
         ({"ignore": ["nothing"]}, "no rule"),
     ],
 )
-def test_the_call_refuses_options_that_make_no_sense(options: dict[str, Any], told: str) -> None:
-    with pytest.raises(UsageError, match=told):
+def test_the_call_refuses_options_that_make_no_sense(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(UsageError, match=message):
         gpsfsm.gate(GOOD, **options)
 
 
@@ -288,9 +288,9 @@ def test_the_call_takes_texts_and_paths(tmp_path: Path) -> None:
     for plan in (GOOD, GOOD.encode(), file, str(file)):
         assert gpsfsm.gate(plan, budget_ms=None)
     for missing in (tmp_path, tmp_path / "missing.xml", "no\0file", "missing.xml"):
-        found = gpsfsm.gate(missing)
-        assert (bool(found), found.reason) == (False, Reason.UNREADABLE)
-        assert found.report is not None
+        verdict = gpsfsm.gate(missing)
+        assert (bool(verdict), verdict.reason) == (False, Reason.UNREADABLE)
+        assert verdict.report is not None
     assert gpsfsm.gate("", budget_ms=None).reason is Reason.FINDINGS
     with pytest.raises(UsageError, match="not a value of type list"):
         gpsfsm.gate([file])  # type: ignore[arg-type]

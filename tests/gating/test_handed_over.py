@@ -31,8 +31,8 @@ PLANS = (
 @pytest.mark.parametrize("engine", ["paper", "fabric-v2"])
 def test_a_verdict_comes_back_as_it_was(text: str, engine: str) -> None:
     check = replace(check_options(engine=engine), trees=False)
-    found = gate_text(text, "plän.xml", GateOptions(check=check))
-    assert verdict_of(written(found)) == found
+    verdict = gate_text(text, "plän.xml", GateOptions(check=check))
+    assert verdict_of(written(verdict)) == verdict
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
@@ -48,10 +48,10 @@ def test_of_very_many_findings_the_worst_are_kept() -> None:
     (bad,) = verdict.findings
     mild = replace(bad, severity=Severity.INFO)
     many = (*(mild,) * MOST_FINDINGS, bad, mild)
-    found = verdict_of(written(replace(verdict, findings=many)))
-    assert len(found.findings) == MOST_FINDINGS
-    assert found.findings[-1] == bad
-    assert not found
+    actual = verdict_of(written(replace(verdict, findings=many)))
+    assert len(actual.findings) == MOST_FINDINGS
+    assert actual.findings[-1] == bad
+    assert not actual
 
 
 def places(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -81,11 +81,11 @@ def test_what_does_not_fit_is_no_verdict(place: tuple[Any, ...], strange: Any) -
             target = target[key]
         target[place[-1]] = strange
     try:
-        found = verdict_of(json.dumps(changed).encode())
+        verdict = verdict_of(json.dumps(changed).encode())
     except ValueError:
         return
-    assert isinstance(found, Verdict)
-    assert json.loads(written(found)) == changed
+    assert isinstance(verdict, Verdict)
+    assert json.loads(written(verdict)) == changed
 
 
 @given(st.binary(max_size=40))

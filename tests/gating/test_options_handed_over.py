@@ -53,20 +53,20 @@ def options(tmp_path: Path) -> list[GateOptions]:
 
 def test_options_arrive_as_they_were(tmp_path: Path) -> None:
     for each in options(tmp_path):
-        found = decode(GateOptions, encode(each))
-        assert encode(found) == encode(each)
-        assert digests_of(PLAN, found) == digests_of(PLAN, each)
+        decoded = decode(GateOptions, encode(each))
+        assert encode(decoded) == encode(each)
+        assert digests_of(PLAN, decoded) == digests_of(PLAN, each)
         if each.check.task is None:  # two tasks with plans in them are never equal
-            assert found == each
-        assert gate_text(PLAN, "plan.xml", found) == gate_text(PLAN, "plan.xml", each)
+            assert decoded == each
+        assert gate_text(PLAN, "plan.xml", decoded) == gate_text(PLAN, "plan.xml", each)
 
 
 def test_a_task_is_asked_for_in_the_worker_too(tmp_path: Path) -> None:
     with_task = options(tmp_path)[3]
     with Gate(with_task, budget_ms=60_000) as gate:
-        found = gate(PLAN)
-    assert found == gate_text(PLAN, "<text>", with_task)
-    assert not found.accepted
+        verdict = gate(PLAN)
+    assert verdict == gate_text(PLAN, "<text>", with_task)
+    assert not verdict.accepted
 
 
 WHOLE = json.loads(encode(GateOptions()))["GateOptions"]

@@ -41,20 +41,20 @@ def _changed(**message: Any) -> Callable[[Handler, str], None]:
     """The usual reply with other fields in the choice or its message."""
 
     def fault(handler: Handler, argument: str) -> None:
-        found = reply_of(handler, "<Plan/>")
-        choice = found["choices"][0]
+        reply = reply_of(handler, "<Plan/>")
+        choice = reply["choices"][0]
         for key, value in message.items():
             (choice if key == "finish_reason" else choice["message"])[key] = value
         if argument:
             choice["message"]["content"] = argument
-        handler.send_json(200, found)
+        handler.send_json(200, reply)
 
     return fault
 
 
 def reply_of(handler: Handler, text: str) -> dict[str, Any]:
-    found: dict[str, Any] = handler.server.reply(handler.asked, text)
-    return found
+    document: dict[str, Any] = handler.server.reply(handler.received, text)
+    return document
 
 
 def slow(handler: Handler, argument: str) -> None:

@@ -4,7 +4,7 @@ In a test::
 
     with FakeServer(["<Plan/>"], faults=["429:0", "cut"]) as server:
         ... ask server.url + "/v1" or server.url ...
-        assert server.asked[0].body["model"] == "tiny"
+        assert server.received[0].body["model"] == "tiny"
 
 As a process of its own, which prints its address and serves until it is stopped::
 
@@ -30,7 +30,7 @@ from typing import Any, ClassVar
 
 from tests.generation.fake_faults import FAULTS
 
-__all__ = ["GRAMMAR_FIELDS", "Asked", "FakeServer", "recorded_answers"]
+__all__ = ["GRAMMAR_FIELDS", "FakeServer", "Received", "recorded_answers"]
 
 GRAMMAR_FIELDS = (
     "structured_outputs",
@@ -41,7 +41,7 @@ GRAMMAR_FIELDS = (
     "format",
     "tools",
 )
-_KNOWN = {
+_FIELDS = {
     "/v1/chat/completions": {
         *("model", "messages", "stream", "temperature", "max_tokens", "max_completion_tokens"),
         *("seed", "chat_template_kwargs", "tool_choice", "parallel_tool_calls", *GRAMMAR_FIELDS),
@@ -52,7 +52,7 @@ _PROBES = ('root ::= "ok"\n', 'start: "ok"\n')
 
 
 @dataclass(frozen=True)
-class Asked:
+class Received:
     """A request that came."""
 
     path: str
@@ -75,7 +75,7 @@ class Asked:
         return any(json.dumps(probe)[1:-1] in grammar for probe in _PROBES) or '["ok"]' in grammar
 
 
-Answers = Callable[[Asked], str]
+Answers = Callable[[Received], str]
 
 
 def recorded_answers(file: Path, **wanted: Any) -> Answers:
@@ -86,17 +86,17 @@ def recorded_answers(file: Path, **wanted: Any) -> Answers:
     lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
     lines = [line for line in lines if all(line.get(key) == wanted[key] for key in wanted)]
     tasks = sorted({name for line in lines for name in _tasks(line) if len(name) > 1})
-    given: dict[str, int] = {}
+    counts: dict[str, int] = {}
     lock = threading.Lock()
 
-    def answer(asked: Asked) -> str:
-        prompt = " ".join(asked.prompt.split())
+    def answer(received: Received) -> str:
+        prompt = " ".join(received.prompt.split())
         # the longest: one task may be the beginning of another
         task = max((name for name in tasks if name in prompt), key=len, default="")
         fitting = [line for line in lines if not task or task in _tasks(line)]
         with lock:
-            number = given.get(task, 0)
-            given[task] = number + 1
+            number = counts.get(task, 0)
+            counts[task] = number + 1
         line = fitting[number % len(fitting)]
         return str(line["answer"] if "answer" in line else line["response"])
 
@@ -109,7 +109,7 @@ def _tasks(line: Mapping[str, Any]) -> list[str]:
         return [" ".join(line["task"].split())]
     turns = [turn["content"] for turn in line.get("messages", ())]
     prompt = line.get("prompt_text", "\n".join(turns))
-    return [" ".join(found.split()) for found in re.findall(r'"([^"<\n]+)"', prompt)]
+    return [" ".join(each.split()) for each in re.findall(r'"([^"<\n]+)"', prompt)]
 
 
 class FakeServer(ThreadingHTTPServer):
@@ -131,7 +131,7 @@ class FakeServer(ThreadingHTTPServer):
         port: int = 0,
     ) -> None:
         super().__init__(("127.0.0.1", port), Handler)
-        self.asked: list[Asked] = []
+        self.received: list[Received] = []
         self.stopped = threading.Event()
         self.models, self.key, self.usage = tuple(models), key, usage
         self.heeds, self.refuses = frozenset(heeds), frozenset(refuses)
@@ -145,9 +145,9 @@ class FakeServer(ThreadingHTTPServer):
         return f"http://127.0.0.1:{self.server_address[1]}"
 
     @property
-    def plans_asked(self) -> list[Asked]:
+    def plan_requests(self) -> list[Received]:
         """Without the probes."""
-        return [asked for asked in self.asked if not asked.probes]
+        return [request for request in self.received if not request.probes]
 
     def __enter__(self) -> FakeServer:
         self._thread.start()
@@ -171,19 +171,19 @@ class FakeServer(ThreadingHTTPServer):
         with self._lock:
             return self._faults.pop(0) if self._faults else ""
 
-    def text_for(self, asked: Asked) -> str:
-        if asked.probes and asked.grammar_field in self.heeds:
-            return '{"answer": "ok"}' if asked.grammar_field in _JSON_FIELDS else "ok"
-        if asked.probes:
+    def text_for(self, received: Received) -> str:
+        if received.probes and received.grammar_field in self.heeds:
+            return '{"answer": "ok"}' if received.grammar_field in _JSON_FIELDS else "ok"
+        if received.probes:
             return "Monday, Tuesday, Wednesday, Thursday, Friday, Saturday, Sunday"
-        return self._answers(asked)
+        return self._answers(received)
 
-    def reply(self, asked: Asked, text: str) -> dict[str, Any]:
+    def reply(self, received: Received, text: str) -> dict[str, Any]:
         """The reply in the wire format of the path."""
-        counts = (len(asked.prompt.split()), len(text.split()))
-        if asked.path == "/api/chat":
-            found = {
-                "model": asked.body["model"],
+        counts = (len(received.prompt.split()), len(text.split()))
+        if received.path == "/api/chat":
+            document = {
+                "model": received.body["model"],
                 "created_at": "2026-01-01T00:00:00Z",
                 "message": {"role": "assistant", "content": text},
                 "done_reason": "stop",
@@ -191,27 +191,27 @@ class FakeServer(ThreadingHTTPServer):
                 "total_duration": 1_000_000,
             }
             counted = {"prompt_eval_count": counts[0], "eval_count": counts[1]}
-            return found | (counted if self.usage else {})
+            return document | (counted if self.usage else {})
         message: dict[str, Any] = {"role": "assistant", "content": text, "refusal": None}
         finish = "stop"
-        if "tools" in asked.body and "tools" in self.heeds:
-            custom = {"name": asked.body["tools"][0]["custom"]["name"], "input": text}
+        if "tools" in received.body and "tools" in self.heeds:
+            custom = {"name": received.body["tools"][0]["custom"]["name"], "input": text}
             call = {"id": "call_1", "type": "custom", "custom": custom}
             message |= {"content": None, "tool_calls": [call]}
             finish = "tool_calls"
-        found = {
+        document = {
             "id": "chatcmpl-1",
             "object": "chat.completion",
             "created": 1_767_225_600,
-            "model": asked.body["model"],
+            "model": received.body["model"],
             "choices": [
                 {"index": 0, "message": message, "logprobs": None, "finish_reason": finish}
             ],
         }
         if self.usage:
             names = ("prompt_tokens", "completion_tokens", "total_tokens")
-            found["usage"] = dict(zip(names, (*counts, sum(counts)), strict=True))
-        return found
+            document["usage"] = dict(zip(names, (*counts, sum(counts)), strict=True))
+        return document
 
 
 _JSON_FIELDS = ("response_format", "format")
@@ -221,7 +221,7 @@ def _in_order(texts: Sequence[str]) -> Answers:
     left = list(texts)
     lock = threading.Lock()
 
-    def answer(_: Asked) -> str:
+    def answer(_: Received) -> str:
         with lock:
             return left.pop(0) if len(left) > 1 else left[0]
 
@@ -233,7 +233,7 @@ class Handler(BaseHTTPRequestHandler):
 
     protocol_version: ClassVar[str] = "HTTP/1.1"
     server: FakeServer
-    asked: Asked
+    received: Received
 
     def log_message(self, *_: object) -> None:
         pass
@@ -253,12 +253,12 @@ class Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         length = int(self.headers.get("Content-Length") or 0)
         content = self.rfile.read(length)
-        if self.path not in _KNOWN:
+        if self.path not in _FIELDS:
             self.send(404, b"404 page not found", {"Content-Type": "text/plain"})
             return
         body = json.loads(content)
-        self.asked = Asked(self.path, body, dict(self.headers))
-        self.server.asked.append(self.asked)
+        self.received = Received(self.path, body, dict(self.headers))
+        self.server.received.append(self.received)
         if (wrong := self._wrong()) is not None:
             self._refuse(400, wrong)
             return
@@ -269,14 +269,14 @@ class Handler(BaseHTTPRequestHandler):
             self.answer_rightly()
 
     def answer_rightly(self) -> None:
-        model = self.asked.body["model"]
+        model = self.received.body["model"]
         if model not in self.server.models and model != "default":
             self._refuse(404, f"The model `{model}` does not exist.")
-        elif self.asked.grammar_field in self.server.refuses:
-            self._refuse(400, f"Unrecognized request argument: {self.asked.grammar_field}")
+        elif self.received.grammar_field in self.server.refuses:
+            self._refuse(400, f"Unrecognized request argument: {self.received.grammar_field}")
         else:
-            text = self.server.text_for(self.asked)
-            self.send_json(200, self.server.reply(self.asked, text))
+            text = self.server.text_for(self.received)
+            self.send_json(200, self.server.reply(self.received, text))
 
     def start(self, status: int, headers: Mapping[str, str]) -> None:
         self.send_response(status)
@@ -293,20 +293,20 @@ class Handler(BaseHTTPRequestHandler):
         self.send(status, content, {"Content-Type": "application/json", **(headers or {})})
 
     def _refuse(self, status: int, message: str) -> None:
-        ollama = self.asked.path == "/api/chat"
+        ollama = self.received.path == "/api/chat"
         self.send_json(status, {"error": message if ollama else {"message": message}})
 
     def _admitted(self) -> bool:
-        given = self.headers.get("Authorization")
-        if not self.server.key or given == f"Bearer {self.server.key}":
+        authorization = self.headers.get("Authorization")
+        if not self.server.key or authorization == f"Bearer {self.server.key}":
             return True
         self.send_json(401, {"error": {"message": "Incorrect API key provided: sk-a***b."}})
         return False
 
     def _wrong(self) -> str | None:
         """What is wrong with the shape of the request."""
-        body = self.asked.body
-        if unknown := set(body) - _KNOWN[self.path]:
+        body = self.received.body
+        if unknown := set(body) - _FIELDS[self.path]:
             return f"Unrecognized request argument supplied: {', '.join(sorted(unknown))}"
         if not isinstance(body.get("model"), str) or body.get("stream") is not False:
             return "model and stream are required"
@@ -334,16 +334,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--heeds", action="append", default=[])
     parser.add_argument("--model", action="append", default=[])
     parser.add_argument("--key", default="")
-    given = parser.parse_args(arguments)
-    wanted = dict(each.split("=", 1) for each in given.choose)
-    answers = recorded_answers(given.answers, **wanted) if given.answers else ("<Plan/>",)
+    options = parser.parse_args(arguments)
+    wanted = dict(each.split("=", 1) for each in options.choose)
+    answers = recorded_answers(options.answers, **wanted) if options.answers else ("<Plan/>",)
     with FakeServer(
         answers,
-        faults=given.fault,
-        heeds=given.heeds,
-        models=given.model or ["tiny"],
-        key=given.key,
-        port=given.port,
+        faults=options.fault,
+        heeds=options.heeds,
+        models=options.model or ["tiny"],
+        key=options.key,
+        port=options.port,
     ) as server:
         print(server.url, flush=True)
         sys.stdin.read()  # until whoever started this closes it, or ends

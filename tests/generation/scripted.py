@@ -23,17 +23,17 @@ class Scripted:
     name: str = "scripted:test"
     context_tokens: int | None = None
     delays_s: Sequence[float] = ()
-    asked: list[Request] = field(default_factory=list)
+    requests: list[Request] = field(default_factory=list)
 
     async def answer(self, request: Request) -> Answer:
-        number = len(self.asked)
-        self.asked.append(request)
+        number = len(self.requests)
+        self.requests.append(request)
         if self.delays_s:
             await asyncio.sleep(self.delays_s[min(number, len(self.delays_s) - 1)])
-        found = self.answers[min(number, len(self.answers) - 1)]
-        if isinstance(found, ModelError):
-            raise found
-        return found if isinstance(found, Answer) else Answer(found, self.name, Finish.STOP)
+        result = self.answers[min(number, len(self.answers) - 1)]
+        if isinstance(result, ModelError):
+            raise result
+        return result if isinstance(result, Answer) else Answer(result, self.name, Finish.STOP)
 
     async def close(self) -> None:
         """Nothing to let go of."""

@@ -13,7 +13,7 @@ from gpsfsm.execution.records import Status
 from gpsfsm.execution.replay import Comparing, simulate_again
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.generation.language_model import ModelError
-from gpsfsm.generation.service import Answers, AskingInterrupted
+from gpsfsm.generation.service import Answers, AskingInterruptedError
 from gpsfsm.simulation.makers import world_maker, world_services
 from gpsfsm.simulation.world import Answer as Said
 from gpsfsm.simulation.world import Settings
@@ -87,20 +87,20 @@ class ByTask(Scripted):
 
     async def answer(self, request):
         await super().answer(request)
-        found = self.answers[0][request.task]
-        if isinstance(found, ModelError):
-            raise found
-        return found
+        result = self.answers[0][request.task]
+        if isinstance(result, ModelError):
+            raise result
+        return result
 
 
 def model(**changes: object) -> ByTask:
-    found = {
+    results = {
         "Who is there?": timed("Ada.", 5.0),
         "greet her": timed("Hello!", 1.25),
         "go on": timed(f"{GOOD}", 2.0),
         "the end": ModelError("the server is away"),
     }
-    return ByTask([{**found, **changes}])  # type: ignore[list-item]
+    return ByTask([{**results, **changes}])  # type: ignore[list-item]
 
 
 def cuts(rows: Sequence[Row]) -> list[int]:
@@ -127,13 +127,13 @@ def test_a_run_that_goes_on_is_the_run_that_was_not_interrupted(place: int) -> N
     past, again = WHOLE[: cuts(WHOLE)[place]], model()
     assert lines(simulate(PLAN, past, service(again))) == lines(WHOLE)
     over = {row.element for row in past if row.kind in ("SUCCEEDED", "FAILED")}
-    asked = {
+    prompts = {
         "/Plan/Control[1]/Runner[1]": "Who is there?",
         "/Plan/Control[1]/Runner[3]": "greet her",
         "/Plan/Runner[2]": "the end",
     }
-    expected = {task for element, task in asked.items() if element not in over}
-    assert {request.task for request in again.asked} == expected
+    expected = {task for element, task in prompts.items() if element not in over}
+    assert {request.task for request in again.requests} == expected
 
 
 @given(st.integers(0, 10_000), st.floats(0, 9), st.booleans())
@@ -167,7 +167,7 @@ def test_an_answer_that_comes_too_late_is_not_asked_for_again() -> None:
         rows = simulate(text, whole[:place], service(again), timeout_s=2.0)
         assert lines(rows) == lines(whole)
         over = "TIMEOUT" in [row.kind for row in whole[:place]]
-        assert len(again.asked) == (not over)
+        assert len(again.requests) == (not over)
 
 
 def test_a_run_that_has_ended_needs_no_model() -> None:
@@ -195,15 +195,15 @@ def test_the_model_answers_and_not_the_world_file() -> None:
         settings={"PromptSpeechRunner": Settings(fails=1.0, duration_s=(7.0, 7.0))},
     )
     text = plan(runner("PromptSpeech", task="greet", flush="true"))
-    asked = run(text, world, answers=Answers(service(Scripted(["from the model"]))))
-    assert asked.outputs[0] == {"text": "from the model"}
-    assert asked.seconds == pytest.approx(7.0, abs=1e-3)  # nothing is known of its time
+    completed = run(text, world, answers=Answers(service(Scripted(["from the model"]))))
+    assert completed.outputs[0] == {"text": "from the model"}
+    assert completed.seconds == pytest.approx(7.0, abs=1e-3)  # nothing is known of its time
 
 
 def test_an_interrupted_request_waits_to_be_stopped() -> None:
     def interrupted(asking):
         asking.close()
-        raise AskingInterrupted
+        raise AskingInterruptedError
 
     answers = Answers(service(Scripted(["late"])), wait=interrupted)
     text = plan(runner("PromptText", text="a", flush="true"))
@@ -231,8 +231,8 @@ def test_a_generated_plan_is_queued_once() -> None:
     text = plan(runner("FabricGeneratePlan", task="go on", flush="true"))
     ran = run(text, field_of(), answers=Answers(service(Scripted([GOOD]))), plans=Queue())
     assert (ran.status, Queue.plans) == (Status.COMPLETED, [GOOD])
-    told = [text for _, _, text in ran.driver.logs]
-    assert told == [
+    texts = [text for _, _, text in ran.driver.logs]
+    assert texts == [
         "asked scripted:test: 0.0 s",
         "accepted the plan of attempt 1",
         "queued as plan 1",

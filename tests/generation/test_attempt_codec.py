@@ -99,8 +99,8 @@ def test_the_page_names_every_field() -> None:
     attempt = attempt_data(Attempt(1, 1, "go", answer, judgement, "problem", "note"))
     assert named(attempts) == sorted(attempt)
     session = session_data(Session("t", "m", "plan.1", "", "", ""))
-    told = {"session", "plan", "accepted", "interrupted", "reason", "attempts"}
-    assert named(sessions) == sorted(told.union(session))
+    fields = {"session", "plan", "accepted", "interrupted", "reason", "attempts"}
+    assert named(sessions) == sorted(fields.union(session))
 
 
 def named(table: str) -> list[str]:

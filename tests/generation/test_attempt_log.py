@@ -52,9 +52,9 @@ ATTEMPTS = st.lists(st.sampled_from([GOOD, BAD, LOST]), max_size=4)
 
 
 @given(st.lists(st.tuples(ATTEMPTS, st.integers(0, 3), st.booleans()), max_size=4))
-def test_what_was_kept_is_found_again(told: list[tuple[list[Attempt], int, bool]]) -> None:
+def test_what_was_kept_is_found_again(message: list[tuple[list[Attempt], int, bool]]) -> None:
     log = Rows()
-    expected = [written(log, attempts, plan=plan, ended=ended) for attempts, plan, ended in told]
+    expected = [written(log, attempts, plan=plan, ended=ended) for attempts, plan, ended in message]
     # rows of the plan queue stand in between
     rows = [row for each in log.rows for row in (each, QueueRow(QueueKind.BOND_LOST))]
     assert sessions(rows) == expected

@@ -58,14 +58,14 @@ def test_recorded_answers(
             cwd=tmp_path,
             env={"GPSFSM_API_KEY": KEY},
         )
-        asked = server.asked
+        received = server.received
     assert done.returncode == (0 if any(accepted) else 1), done.stderr.decode()
     if any(accepted):
         assert check(done.stdout).ok
     else:
         assert done.stdout == b""
-    assert len(asked) == 3 + needed
-    for each in asked:
+    assert len(received) == 3 + needed
+    for each in received:
         turns = [message["role"] for message in each.body["messages"]]
         assert turns in (["system", "user"], ["system", "user", "assistant", "user"])
     (session,) = json.loads(run("attempts", "--format", "json", cwd=tmp_path).stdout)["sessions"]
@@ -89,12 +89,12 @@ def test_a_model_that_can_write_json_only_is_not_asked_for_xml(heeds: bool, tmp_
             *("generate", "wait", "--model", "ollama:tiny", "--base-url", server.url),
             cwd=tmp_path,
         )
-        asked = server.plans_asked
+        plan_requests = server.plan_requests
     assert done.returncode == 0, done.stderr.decode()
     assert f'<Runner interface="{WAIT}" provider="{WAIT}" seconds="2"/>'.encode() in done.stdout
-    assert len(asked) == (2 if heeds else 1)
-    for each in asked:
+    assert len(plan_requests) == (2 if heeds else 1)
+    for each in plan_requests:
         last = each.body["messages"][-1]["content"]
         assert ("\n\nWrite the plan as JSON instead of XML: " in last) is heeds
     if heeds:  # a value out of range is told as for any other plan
-        assert "GP206" in asked[1].body["messages"][-1]["content"]
+        assert "GP206" in plan_requests[1].body["messages"][-1]["content"]

@@ -28,11 +28,11 @@ def ask_process(*arguments: str, provider: str, tasks: list[str]) -> list[str]:
         assert server.stdout is not None
         url = server.stdout.readline().strip()
         model: LanguageModel = model_at(url, provider, key=KEY)
-        found = ask(model, *(request(f'Do "{task}" now.') for task in tasks))
+        response = ask(model, *(request(f'Do "{task}" now.') for task in tasks))
         assert server.stdin is not None
         server.stdin.close()
         assert server.wait(20) == 0
-    return [each.text for each in found]
+    return [each.text for each in response]
 
 
 def test_it_answers_by_task(tmp_path: Path) -> None:
@@ -40,18 +40,18 @@ def test_it_answers_by_task(tmp_path: Path) -> None:
     lines = [("go", "<Plan>1</Plan>"), ("stay", "<Plan>2</Plan>"), ("go", "<Plan>3</Plan>")]
     file.write_text("\n".join(json.dumps({"task": task, "answer": text}) for task, text in lines))
     for provider in ("openai-compatible", "ollama"):
-        found = ask_process(
+        verdict = ask_process(
             *("--answers", str(file), "--fault", "429:0", "--fault", "cut"),
             provider=provider,
             tasks=["stay", "go", "go"],
         )
-        assert found == ["<Plan>2</Plan>", "<Plan>1</Plan>", "<Plan>3</Plan>"]
+        assert verdict == ["<Plan>2</Plan>", "<Plan>1</Plan>", "<Plan>3</Plan>"]
 
 
 def test_it_gives_the_real_answers(shared_corpus: Path) -> None:
     folder = shared_corpus / "experiment1"
     task = (folder / "tasks" / "task3.txt").read_text(encoding="utf-8").strip()
-    found = ask_process(
+    verdict = ask_process(
         *("--answers", str(folder / "responses.jsonl")),
         *("--choose", "system=fabric", "--choose", "model=gpt", "--choose", "prompt=zeroshot"),
         provider="vllm",
@@ -64,7 +64,7 @@ def test_it_gives_the_real_answers(shared_corpus: Path) -> None:
             if (line["system"], line["model"], line["prompt"]) == ("fabric", "gpt", "zeroshot")
             and line["task"] == 3
         ]
-    assert found == expected[:3]
+    assert verdict == expected[:3]
 
 
 def test_it_refuses_what_a_real_server_would() -> None:

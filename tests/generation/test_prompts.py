@@ -213,9 +213,9 @@ def test_room_is_kept_for_telling_what_is_wrong() -> None:
 def test_what_the_plans_have_used_is_left_out_last() -> None:
     done = Try("<Plan/>", (Step("line 2  SentimentRunner (text=hm)", "failed: no idea", True),))
     room = PromptOptions(context_tokens=1000, answer_tokens=100)
-    found = build_continuation("Do it.", LIBRARY, [done], options=room)
-    assert len(found.offered) < 5
-    assert "perception_capabilities/SentimentRunner" in found.offered
+    prompt = build_continuation("Do it.", LIBRARY, [done], options=room)
+    assert len(prompt.offered) < 5
+    assert "perception_capabilities/SentimentRunner" in prompt.offered
 
 
 def test_the_third_task_of_the_paper_is_short_enough() -> None:
@@ -290,12 +290,12 @@ DONE = Step("WaypointRunner (x=1, y=2)", "succeeded")
 SHUT = Step("WaypointRunner (x=3, y=4)", "failed: the door is shut", failed=True)
 
 
-def told(*tries: Try, facts: tuple[str, ...] = ()) -> str:
+def rejection(*tries: Try, facts: tuple[str, ...] = ()) -> str:
     return build_continuation("fetch the cup", LIBRARY, tries, facts=facts).messages[1].text
 
 
 def test_a_continuation_tells_what_was_done_and_what_failed() -> None:
-    text = told(Try("<Plan>1</Plan>", (DONE, SHUT)), facts=("The robot is at x=1, y=2.",))
+    text = rejection(Try("<Plan>1</Plan>", (DONE, SHUT)), facts=("The robot is at x=1, y=2.",))
     assert text.startswith("Task: fetch the cup\n")
     assert "This is plan 1, the last one:\n\n<Plan>1</Plan>\n" in text
     assert "- WaypointRunner (x=3, y=4): failed: the door is shut\n" in text
@@ -303,7 +303,7 @@ def test_a_continuation_tells_what_was_done_and_what_failed() -> None:
 
 
 def test_of_earlier_plans_only_the_outcome_is_told() -> None:
-    text = told(Try("<Plan>1</Plan>", (SHUT,)), Try("<Plan>2</Plan>", ()))
+    text = rejection(Try("<Plan>1</Plan>", (SHUT,)), Try("<Plan>2</Plan>", ()))
     assert "<Plan>1</Plan>" not in text
     assert "What came of plan 1:\n- WaypointRunner (x=3, y=4): failed" in text
     assert "What came of plan 2:\n- nothing was done\n" in text
@@ -311,7 +311,7 @@ def test_of_earlier_plans_only_the_outcome_is_told() -> None:
 
 def test_long_stories_keep_their_failures_and_their_end() -> None:
     steps = (SHUT, *[replace(DONE, action=f"step {number}") for number in range(200)])
-    text = told(Try("<Plan/>", steps))
+    text = rejection(Try("<Plan/>", steps))
     assert "(170 actions are left out)" in text
     assert "the door is shut" in text
     assert "- step 199: succeeded" in text
@@ -319,7 +319,7 @@ def test_long_stories_keep_their_failures_and_their_end() -> None:
 
 
 def test_many_plans_are_told_in_short() -> None:
-    text = told(*[Try(f"<Plan>{number}</Plan>", (SHUT,)) for number in range(9)])
+    text = rejection(*[Try(f"<Plan>{number}</Plan>", (SHUT,)) for number in range(9)])
     assert "3 plans before these are left out." in text
     assert "What came of plan 9:" in text
     assert text.count("What came of plan") == 6

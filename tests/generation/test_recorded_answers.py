@@ -15,13 +15,13 @@ PAGE = REPO / "docs" / "generation.md"
 
 
 @pytest.fixture(scope="module")
-def found(shared_corpus: Path) -> dict[tuple[str, str], answers.Tally]:
+def tallies(shared_corpus: Path) -> dict[tuple[str, str], answers.Tally]:
     assert shared_corpus.is_dir()
     return answers.tally(answers.answers(), answers.successes())
 
 
-def test_the_totals(found: dict[tuple[str, str], answers.Tally]) -> None:
-    whole = answers.total(found.values())
+def test_the_totals(tallies: dict[tuple[str, str], answers.Tally]) -> None:
+    whole = answers.total(tallies.values())
     assert (whole.answers, whole.empty, whole.bare) == (300, 92, 10)
     assert [whole.accepted[stage] for stage in answers.STAGES] == [123, 123, 161]
     assert [whole.right[stage] for stage in answers.STAGES] == [100, 100, 137]
@@ -31,7 +31,7 @@ def test_the_totals(found: dict[tuple[str, str], answers.Tally]) -> None:
 
 
 def test_fixes_make_plans_right_and_none_wrong(
-    found: dict[tuple[str, str], answers.Tally],
+    tallies: dict[tuple[str, str], answers.Tally],
 ) -> None:
     """As people judged plans of the same automaton."""
     right = answers.successes()
@@ -42,19 +42,19 @@ def test_fixes_make_plans_right_and_none_wrong(
         assert is_right == sorted(is_right), row["id"]
         if row["model"] == "gpt":  # so it makes no difference whether trees are plans as well
             assert not holds_trees(row["response"], from_response=True)
-    of_one = answers.total(each for (model, _), each in found.items() if model == "GPT-4o")
+    of_one = answers.total(each for (model, _), each in tallies.items() if model == "GPT-4o")
     assert [of_one.accepted[stage] for stage in answers.STAGES] == [93, 93, 100]
     assert [of_one.right[stage] for stage in answers.STAGES] == [80, 80, 97]
 
 
-def test_fixes_reject_nothing(found: dict[tuple[str, str], answers.Tally]) -> None:
-    for each in found.values():
+def test_fixes_reject_nothing(tallies: dict[tuple[str, str], answers.Tally]) -> None:
+    for each in tallies.values():
         for counts in (each.accepted, each.right):
             numbers = [counts[stage] for stage in answers.STAGES]
             assert numbers == sorted(numbers)
 
 
-def test_the_page_shows_these_tables(found: dict[tuple[str, str], answers.Tally]) -> None:
+def test_the_page_shows_these_tables(tallies: dict[tuple[str, str], answers.Tally]) -> None:
     text = PAGE.read_text(encoding="utf-8")
-    tables = f"{answers.accepted_table(found)}\n\n{answers.rejected_table(found)}"
+    tables = f"{answers.accepted_table(tallies)}\n\n{answers.rejected_table(tallies)}"
     assert replaced(text, "answers", tables) == text

@@ -26,8 +26,8 @@ def put(root: Path, *names: str, text: str = "<Plan/>") -> None:
 
 
 def keys(root: Path) -> list[tuple[str, ...]]:
-    found = read_experiment(str(root))
-    return [(*map(str, one.key.cell), str(one.key.iteration)) for one in found]
+    experiment = read_experiment(str(root))
+    return [(*map(str, one.key.cell), str(one.key.iteration)) for one in experiment]
 
 
 def test_both_layouts_of_the_sample_hold_the_same_answers() -> None:
@@ -76,9 +76,10 @@ def test_beside_outputs_nothing_counts(tmp_path: Path) -> None:
         f"Fabric/{TIMES}",
         text="Task,Model,Version,Prompt,Itr1,Itr12\ngenerative_1,m,n/a,zero,2,3.5\n",
     )
-    found = read_experiment(str(tmp_path))
+    experiment = read_experiment(str(tmp_path))
     assert [
-        (one.key.iteration, one.key.cell.prompt, one.seconds, one.path is None) for one in found
+        (one.key.iteration, one.key.cell.prompt, one.seconds, one.path is None)
+        for one in experiment
     ] == [
         (1, "zero", None, False),
         (1, "zeroshot", 2.0, True),
@@ -178,12 +179,12 @@ def test_moments_of_the_recorded_times(shared_corpus: Path) -> None:
     assert {len(times) for times in cells.values()} == {10}
     moments = {cell: moments_of(times) for cell, times in cells.items()}
     for cell, times in cells.items():
-        found = moments[cell]
-        assert found is not None
-        assert found.mean == pytest.approx(statistics.fmean(times))
-        assert found.deviation == pytest.approx(statistics.stdev(times), abs=1e-9)
+        actual = moments[cell]
+        assert actual is not None
+        assert actual.mean == pytest.approx(statistics.fmean(times))
+        assert actual.deviation == pytest.approx(statistics.stdev(times), abs=1e-9)
     for name in {cell[:3] for cell in cells}:
-        groups = [found for cell, found in moments.items() if found and cell[:3] == name]
+        groups = [each for cell, each in moments.items() if each and cell[:3] == name]
         times = [time for cell in cells if cell[:3] == name for time in cells[cell]]
         together = combined(groups)
         assert together is not None

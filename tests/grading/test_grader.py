@@ -26,8 +26,8 @@ WRONG = to_xml(plan(B))
 
 
 def grade(text: str) -> tuple[str, bool, bool | None]:
-    found = Grader(TASK).grade(text, "a.xml")
-    return found.grade.value, found.syntax, found.theory
+    graded = Grader(TASK).grade(text, "a.xml")
+    return graded.grade.value, graded.syntax, graded.theory
 
 
 @pytest.mark.parametrize(
@@ -53,8 +53,8 @@ def test_the_rubric(text: str, wanted: tuple[str, bool, bool | None]) -> None:
 @pytest.mark.parametrize(("solver", "wanted"), [("structural", "success"), ("z3", "undecided")])
 def test_who_decides_and_for_how_long_is_up_to_the_user(solver: SolverChoice, wanted: str) -> None:
     analysis = AnalysisOptions(solver=solver, rlimit=1)
-    found = Grader(TASK, CheckOptions(analysis=analysis)).grade(RIGHT, "a.xml")
-    assert found.grade.value == wanted
+    graded = Grader(TASK, CheckOptions(analysis=analysis)).grade(RIGHT, "a.xml")
+    assert graded.grade.value == wanted
 
 
 @pytest.mark.parametrize("last", [A, B])
@@ -85,8 +85,8 @@ def test_an_assumption_on_a_line_that_an_answer_lacks_leaves_its_grade_open() ->
 def bay(leaf: str) -> tuple[str, bool, bool | None]:
     task = read_task(b"interface: WaypointRunner\nplaces: {A: {x: 2, y: -0.5}}\nsteps: [{do: A}]")
     text = f"<Plan ID='Main'><Sequence>{leaf}</Sequence></Plan>"
-    found = Grader(task).grade(text, "a.xml")
-    return found.grade.value, found.syntax, found.theory
+    graded = Grader(task).grade(text, "a.xml")
+    return graded.grade.value, graded.syntax, graded.theory
 
 
 @pytest.mark.parametrize(
@@ -115,8 +115,8 @@ def test_what_is_meant_is_read_for_any_interface(interface: str) -> None:
     task = read_task(
         f"interface: {interface!r}\nplaces: {{A: {{x: 2, y: 3}}}}\nsteps: [{{do: A}}]".encode()
     )
-    found = Grader(task).grade("<Plan><Tour><Rove><To>(2, 3)</To></Rove></Tour></Plan>", "a.xml")
-    assert found.grade is Grade.PARTIAL
+    graded = Grader(task).grade("<Plan><Tour><Rove><To>(2, 3)</To></Rove></Tour></Plan>", "a.xml")
+    assert graded.grade is Grade.PARTIAL
 
 
 def test_a_place_without_parameters_is_known_by_its_name_alone() -> None:
@@ -136,8 +136,11 @@ def test_an_example_that_is_returned_fails_however_it_is_written() -> None:
         plan(seq(*shown)),
         plan(seq(*shown[:2]), par_any(shown[2]), shown[3]),
     ):
-        found = Grader(task).grade(to_xml(whole), "a.xml")
-        assert (found.grade, found.reason) == (Grade.FAILED, "example returned: it is example.xml")
+        graded = Grader(task).grade(to_xml(whole), "a.xml")
+        assert (graded.grade, graded.reason) == (
+            Grade.FAILED,
+            "example returned: it is example.xml",
+        )
     other = Grader(task).grade(to_xml(plan(*shown[:3])), "a.xml")
     assert other.grade is Grade.PARTIAL
 
@@ -160,23 +163,23 @@ def test_grades_are_those_that_people_gave(shared_corpus: Path) -> None:
     """Of plans all; of behaviour trees all but those that are explained above."""
     root = shared_corpus / "experiment1"
     graders = {n: Grader(load_task(NAVIGATION / f"task{n}.yaml")) for n in range(1, 6)}
-    known: Counter[str] = Counter()
+    library: Counter[str] = Counter()
     differ = {}
     grade = cache(lambda number, text: graders[number].grade(text, "answer.xml"))
     with (root / "labels.csv").open() as file:
         for row in csv.DictReader(file):
             if row["human"] == "?":
                 continue
-            found = grade(int(row["task"]), (root / row["path"]).read_bytes())
-            ours = found.grade.value[0].upper()
-            known[row["system"]] += 1
+            graded = grade(int(row["task"]), (root / row["path"]).read_bytes())
+            ours = graded.grade.value[0].upper()
+            library[row["system"]] += 1
             if ours != row["human"]:
-                differ[row["path"]] = (row["human"], ours, found.reason)
+                differ[row["path"]] = (row["human"], ours, graded.reason)
     assert set(differ) == set(DIFFER)
     for path, (human, ours, reason) in DIFFER.items():
         assert differ[path][:2] == (human, ours)
         assert reason in differ[path][2]
-    assert known == {"fabric": 290, "btgenbot": 227}
+    assert library == {"fabric": 290, "btgenbot": 227}
 
 
 def test_whole_answers_have_the_grade_of_what_was_cut_out_of_them(shared_corpus: Path) -> None:

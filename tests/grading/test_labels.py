@@ -24,14 +24,14 @@ def test_grades_times_and_other_columns(tmp_path: Path) -> None:
     text = "path,model,label,seconds\na.xml,m 1,s,2.5\nb/c.xml,m 2,Partial,\nd.xml,,?,0\n"
     labels = load_labels(write(tmp_path, "\ufeff" + text))
     assert labels.columns == ("path", "model", "label", "seconds")
-    found = [labels.of(str(tmp_path / name)) for name in ("a.xml", "b/../b/c.xml", "d.xml")]
-    assert [(one.human, one.seconds, one.line) for one in found if one] == [
+    actual = [labels.of(str(tmp_path / name)) for name in ("a.xml", "b/../b/c.xml", "d.xml")]
+    assert [(one.human, one.seconds, one.line) for one in actual if one] == [
         (Grade.SUCCESS, 2.5, 2),
         (Grade.PARTIAL, None, 3),
         (None, 0.0, 4),
     ]
-    assert found[0] is not None
-    assert found[0].cells["model"] == "m 1"
+    assert actual[0] is not None
+    assert actual[0].cells["model"] == "m 1"
     assert labels.of(str(tmp_path / "other.xml")) is None
 
 

@@ -24,27 +24,27 @@ def close(one: float | None, other: float | None, scale: float = 1.0) -> bool:
 
 @given(VALUES)
 def test_moments_are_those_of_the_statistics_module(values: list[float]) -> None:
-    found = moments_of(values)
+    moments = moments_of(values)
     if not values:
-        assert found is None
+        assert moments is None
         return
-    assert found is not None
-    assert found.count == len(values)
-    assert close(found.mean, statistics.fmean(values))
-    assert close(found.deviation, statistics.stdev(values) if len(values) > 1 else None)
+    assert moments is not None
+    assert moments.count == len(values)
+    assert close(moments.mean, statistics.fmean(values))
+    assert close(moments.deviation, statistics.stdev(values) if len(values) > 1 else None)
 
 
 @given(GROUPS)
 def test_groups_together_have_the_moments_of_all_their_values(groups: list[list[float]]) -> None:
-    found = combined([one for one in map(moments_of, groups) if one is not None])
+    joined = combined([one for one in map(moments_of, groups) if one is not None])
     direct = moments_of([value for group in groups for value in group])
     if direct is None:
-        assert found is None
+        assert joined is None
         return
-    assert found is not None
-    assert found.count == direct.count
-    assert close(found.mean, direct.mean)
-    assert close(found.deviation, direct.deviation, scale=direct.mean)
+    assert joined is not None
+    assert joined.count == direct.count
+    assert close(joined.mean, direct.mean)
+    assert close(joined.deviation, direct.deviation, scale=direct.mean)
 
 
 @given(st.lists(st.lists(st.integers(0, 1000), max_size=8), max_size=5))
@@ -56,14 +56,14 @@ def test_the_pooled_deviation_is_the_root_of_the_mean_variance(groups: list[list
             mean = Fraction(sum(group), len(group))
             squares += sum((value - mean) ** 2 for value in group)
             freedom += len(group) - 1
-    found = pooled_deviation([one for one in map(moments_of, groups) if one is not None])
-    assert close(found, math.sqrt(squares / freedom) if freedom else None)
+    deviation = pooled_deviation([one for one in map(moments_of, groups) if one is not None])
+    assert close(deviation, math.sqrt(squares / freedom) if freedom else None)
 
 
 def test_values_far_from_zero_lose_nothing() -> None:
-    found = moments_of([1e9 + shift for shift in (4, 7, 13, 16)])
-    assert found is not None
-    assert found.deviation == pytest.approx(30**0.5, rel=1e-12)
+    moments = moments_of([1e9 + shift for shift in (4, 7, 13, 16)])
+    assert moments is not None
+    assert moments.deviation == pytest.approx(30**0.5, rel=1e-12)
 
 
 def test_by_hand() -> None:

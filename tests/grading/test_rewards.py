@@ -56,11 +56,11 @@ def test_the_scale() -> None:
     assert rewards([answer for answer, _ in SCALE], TASK) == [value for _, value in SCALE]
     assert reward(RIGHT, TASK) == 1.0
     scale = Scale(success=5.0, mended=2.0, readable=-1.0, nothing=-2.0)
-    with Rewards(scale=scale) as given_:
-        found = given_.batch([RIGHT, UNCLOSED, WRONG, "", None], TASK)
-    assert [each.value for each in found] == [5.0, 2.0, -1.0, -2.0, -2.0]
-    assert [each.grade for each in found] == ["success", "partial", "partial", "failed", "failed"]
-    assert found[0].reason == "the task is fulfilled"
+    with Rewards(scale=scale) as scorer:
+        scores = scorer.batch([RIGHT, UNCLOSED, WRONG, "", None], TASK)
+    assert [each.value for each in scores] == [5.0, 2.0, -1.0, -2.0, -2.0]
+    assert [each.grade for each in scores] == ["success", "partial", "partial", "failed", "failed"]
+    assert scores[0].reason == "the task is fulfilled"
 
 
 def test_shaping_tells_plans_apart_that_do_not_fulfil_the_task() -> None:
@@ -89,9 +89,9 @@ HOSTILE = [
 
 
 def test_hostile_answers_get_nothing() -> None:
-    with Rewards(jobs=2, timeout_s=20.0) as given_:
-        found = given_.batch([*HOSTILE, RIGHT], TASK)
-    assert [each.value for each in found] == [0.0] * len(HOSTILE) + [1.0]
+    with Rewards(jobs=2, timeout_s=20.0) as scorer:
+        scores = scorer.batch([*HOSTILE, RIGHT], TASK)
+    assert [each.value for each in scores] == [0.0] * len(HOSTILE) + [1.0]
 
 
 @settings(max_examples=many(30))
@@ -103,10 +103,10 @@ def test_no_answer_breaks_it(text: str, place: int) -> None:
 
 def test_an_answer_that_takes_too_long_is_ended() -> None:
     slow = to_xml(plan(*(f"demo/GoRunner x={number}" for number in range(3, 2_000))))
-    with Rewards(timeout_s=0.0005) as given_:
-        (found,) = given_.batch([slow], TASK)
-    assert (found.value, found.grade) == (0.0, "undecided")
-    assert found.reason == "the process that graded it was ended: it took more than 0.0005 s"
+    with Rewards(timeout_s=0.0005) as scorer:
+        (actual,) = scorer.batch([slow], TASK)
+    assert (actual.value, actual.grade) == (0.0, "undecided")
+    assert actual.reason == "the process that graded it was ended: it took more than 0.0005 s"
 
 
 def test_what_a_task_may_be(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_what_a_task_may_be(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("task", "told"),
+    ("task", "message"),
     [
         ("", "a task is empty: does the data have a column of tasks"),
         ("no_such_file.yaml", r"'no_such_file.yaml' cannot be read: No such file or directory$"),
@@ -137,8 +137,8 @@ def test_what_a_task_may_be(tmp_path: Path) -> None:
         ([TASK, TASK], "1 answers, but 2 tasks"),
     ],
 )
-def test_tasks_that_make_no_sense(task: Any, told: str) -> None:
-    with pytest.raises(UsageError, match=told):
+def test_tasks_that_make_no_sense(task: Any, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
         rewards([RIGHT], task)
 
 
@@ -175,8 +175,8 @@ EXAMPLES = Path("docs/examples")
 def test_verl() -> None:
     """As verl 0.9.1 calls it: arguments by name, from threads, with settings beside them."""
     compute_score = loaded(EXAMPLES / "verl_reward.py", "compute_score")
-    told: dict[str, Any] = {"split": "train", "num_turns": None, "rollout_reward_scores": {}}
-    row = {"data_source": "robot", "ground_truth": TASK, "extra_info": told}
+    extra_info: dict[str, Any] = {"split": "train", "num_turns": None, "rollout_reward_scores": {}}
+    row = {"data_source": "robot", "ground_truth": TASK, "extra_info": extra_info}
     of_a_model = {"reward_router_address": "127.0.0.1:80", "reward_model_tokenizer": None}
 
     async def managed() -> list[float]:
@@ -202,13 +202,13 @@ def test_verl_in_processes_and_on_files() -> None:
 
 def test_verl_in_batches() -> None:
     """As its manager batch calls it; the sources are an array."""
-    found = verl_compute_scores(
+    scores = verl_compute_scores(
         data_sources=Column("robot", "robot"),  # type: ignore[arg-type]
         solution_strs=[RIGHT, UNCLOSED],
         ground_truths=[TASK, TASK],
         extra_infos=Column({}, {}),
     )
-    assert found == [1.0, 0.6]
+    assert scores == [1.0, 0.6]
     with pytest.raises(UsageError, match="2 answers, but 1 tasks"):
         verl_compute_scores(["robot"] * 2, [RIGHT] * 2, [TASK])
 
@@ -219,12 +219,12 @@ def test_openrlhf() -> None:
     prompt = f"Drive to A. An example:\n{RIGHT}\nAssistant: "
     answers = [f"{RIGHT}</s>", f"{WRONG}<|im_end|>\n<|endoftext|>", "I cannot. <pad><pad>"]
     queries = [f"<s>{prompt}{answer}" for answer in answers]
-    found = reward_func(queries, [prompt] * 3, [TASK] * 3, extra=1)
-    assert {key: list(found[key]) for key in ("rewards", "scores")} == {
+    scores = reward_func(queries, [prompt] * 3, [TASK] * 3, extra=1)
+    assert {key: list(scores[key]) for key in ("rewards", "scores")} == {
         "rewards": pytest.approx([1.0, 0.2, 0.0]),
         "scores": pytest.approx([1.0, 0.2, 0.0]),
     }
-    assert list(found["extra_logs"]["success"]) == [1.0, 0.0, 0.0]
+    assert list(scores["extra_logs"]["success"]) == [1.0, 0.0, 0.0]
     with pytest.raises(UsageError, match="query 0 does not hold its prompt"):
         openrlhf_reward_func([RIGHT], ["another prompt"], [TASK])
 
@@ -242,39 +242,39 @@ def test_openrlhf_one_by_one() -> None:
         )
         return list(await asyncio.gather(*calls))
 
-    found = [float(each["rewards"][0]) for each in asyncio.run(fetched())]
-    assert found == pytest.approx([value for _, value in SCALE])
+    actual = [float(each["rewards"][0]) for each in asyncio.run(fetched())]
+    assert actual == pytest.approx([value for _, value in SCALE])
 
 
 def test_tensors_where_torch_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     torch = SimpleNamespace(float="float", tensor=lambda values, dtype: (dtype, values))
     monkeypatch.setitem(sys.modules, "torch", torch)
-    found = openrlhf_reward_func(["p" + RIGHT], ["p"], [TASK])
-    assert found["rewards"] == ("float", [1.0])
+    scores = openrlhf_reward_func(["p" + RIGHT], ["p"], [TASK])
+    assert scores["rewards"] == ("float", [1.0])
     monkeypatch.setitem(sys.modules, "torch", None)
     assert openrlhf_reward_func(["p" + RIGHT], ["p"], [TASK])["rewards"] == [1.0]
 
 
 def test_several_threads_at_once() -> None:
-    found: list[float] = []
+    actual: list[float] = []
     threads = [
-        threading.Thread(target=lambda: found.extend(rewards([RIGHT, WRONG], TASK)))
+        threading.Thread(target=lambda: actual.extend(rewards([RIGHT, WRONG], TASK)))
         for _ in range(4)
     ]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join(60)
-    assert found == [1.0, 0.2] * 4
+    assert actual == [1.0, 0.2] * 4
 
 
 def test_after_a_fork_it_has_processes_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    with Rewards() as given_:
-        given_.batch([RIGHT], TASK)
-        theirs = given_._engine
+    with Rewards() as scorer:
+        scorer.batch([RIGHT], TASK)
+        theirs = scorer._engine
         real = os.getpid()
         monkeypatch.setattr(module.os, "getpid", lambda: real + 1)
-        assert given_.batch([WRONG], TASK)[0].value == 0.2
-        assert given_._engine is not theirs
+        assert scorer.batch([WRONG], TASK)[0].value == 0.2
+        assert scorer._engine is not theirs
         assert theirs is not None
         theirs.end()

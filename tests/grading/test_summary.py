@@ -32,18 +32,18 @@ ENTRIES = st.builds(
 
 @given(st.lists(st.lists(ENTRIES, max_size=6), max_size=5))
 def test_groups_together_count_like_all_answers(groups: list[list[Entry]]) -> None:
-    found = over([summarize(group) for group in groups])
+    spans = over([summarize(group) for group in groups])
     direct = summarize(entry for group in groups for entry in group)
-    assert (found.grades, found.people) == (direct.grades, direct.people)
-    assert found.confusion == direct.confusion
-    assert found.answers == sum(map(len, groups))
+    assert (spans.grades, spans.people) == (direct.grades, direct.people)
+    assert spans.confusion == direct.confusion
+    assert spans.answers == sum(map(len, groups))
     assert direct.pooled is None
     if direct.times is None:
-        assert found.times is None
+        assert spans.times is None
     else:
-        assert found.times is not None
-        assert found.times.mean == pytest.approx(direct.times.mean)
-        assert found.times.deviation == pytest.approx(direct.times.deviation, abs=1e-4)
+        assert spans.times is not None
+        assert spans.times.mean == pytest.approx(direct.times.mean)
+        assert spans.times.deviation == pytest.approx(direct.times.deviation, abs=1e-4)
 
 
 def test_tables_by_hand() -> None:

@@ -79,6 +79,6 @@ def test_the_gate_refuses_it_with_its_task(text: str, accepted: bool, tmp_path: 
 
 def test_a_model_is_told_so() -> None:
     report = gpsfsm.check(HIDING)
-    told = render(report, "llm")
-    assert "GP315" in told
-    assert "replace it with another way to reach the goal" in told
+    text = render(report, "llm")
+    assert "GP315" in text
+    assert "replace it with another way to reach the goal" in text

@@ -34,9 +34,9 @@ ANSWER = "<Plan> an answer </Plan>"
 )
 @pytest.mark.parametrize("end", ["", "</s>", "<|im_end|>\n<|endoftext|>", " <pad><pad>\n"])
 def test_the_answer_is_found(there: str, end: str) -> None:
-    found = answer_in(f"{there}\n{ANSWER}{end}", PROMPT)
-    assert found is not None
-    assert found.strip() == ANSWER
+    answer = answer_in(f"{there}\n{ANSWER}{end}", PROMPT)
+    assert answer is not None
+    assert answer.strip() == ANSWER
 
 
 @pytest.mark.parametrize(
@@ -64,15 +64,15 @@ def test_of_a_cut_prompt_no_piece_is_left() -> None:
     """Where the prompt repeats itself, the answer rather loses its front."""
     prompt = "Go to A and then to B, to C. " * 10
     for cut in range(len(prompt) - 60):
-        found = answer_in(prompt[cut:] + ANSWER, prompt)
-        assert found is not None
-        assert found.strip() == ANSWER
+        answer = answer_in(prompt[cut:] + ANSWER, prompt)
+        assert answer is not None
+        assert answer.strip() == ANSWER
 
 
 @given(st.text(), st.text())
 def test_what_stands_behind_a_prompt(prompt: str, answer: str) -> None:
     """Whatever they are; of an empty prompt all is the answer."""
-    found = answer_in(prompt + answer, prompt)
-    assert found is not None
-    assert answer.startswith(found.rstrip())
-    assert answer_in(answer, "") == found
+    extracted = answer_in(prompt + answer, prompt)
+    assert extracted is not None
+    assert answer.startswith(extracted.rstrip())
+    assert answer_in(answer, "") == extracted

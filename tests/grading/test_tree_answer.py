@@ -29,8 +29,8 @@ def file(inside: str, *, main: str = "T", tree: str = "T", more: str = "") -> st
 
 
 def grade(text: str) -> tuple[str, bool, bool | None]:
-    found = Grader(TASK).grade(text, "a.xml")
-    return found.grade.value, found.syntax, found.theory
+    graded = Grader(TASK).grade(text, "a.xml")
+    return graded.grade.value, graded.syntax, graded.theory
 
 
 BOTH = ("success", True, True)
@@ -92,9 +92,9 @@ def test_which_of_several_trees_runs_must_be_clear() -> None:
 
 
 def test_what_an_undefined_subtree_does_is_not_in_the_answer() -> None:
-    found = Grader(TASK).grade(file('<SubTree ID="Rest"/>'), "a.xml")
-    assert (found.grade.value, found.syntax, found.theory) == SYNTAX
-    assert "there is no tree 'Rest'" in found.reason
+    graded = Grader(TASK).grade(file('<SubTree ID="Rest"/>'), "a.xml")
+    assert (graded.grade.value, graded.syntax, graded.theory) == SYNTAX
+    assert "there is no tree 'Rest'" in graded.reason
     assert grade(file('<SubTree ID="BayA"/><Drive goal="BayC"/>')) == NEITHER
 
 
@@ -145,8 +145,8 @@ def test_the_lines_of_a_reason_are_those_of_the_answer() -> None:
 
 def test_limits_leave_it_undecided() -> None:
     deep = "<Sequence>" * 300 + '<Drive to="BayA"/>' + "</Sequence>" * 300
-    found = Grader(TASK).grade(file(deep), "a.xml")
-    assert (found.grade.value, found.theory) == ("undecided", None)
+    graded = Grader(TASK).grade(file(deep), "a.xml")
+    assert (graded.grade.value, graded.theory) == ("undecided", None)
     many = (
         '<Repeat num_cycles="9999"><Repeat num_cycles="9999"><Drive to="BayA"/></Repeat></Repeat>'
     )
@@ -160,9 +160,9 @@ def test_a_tree_of_the_prompt_is_no_answer() -> None:
         '<MoveTo location="Station D"/></Fallback><MoveTo name="b" location="Station B"/>'
         '<MoveTo location="Station C"/></Sequence></BehaviorTree></root>'
     )
-    found = Grader(task).grade(shown, "a.xml")
-    assert (found.grade.value, found.syntax) == ("failed", True)
-    assert found.reason == "example returned: it is example_tree.xml"
+    graded = Grader(task).grade(shown, "a.xml")
+    assert (graded.grade.value, graded.syntax) == ("failed", True)
+    assert graded.reason == "example returned: it is example_tree.xml"
     assert Grader(task).grade(shown.replace("Station ", "Station"), "a.xml").grade == "partial"
 
 

@@ -30,15 +30,15 @@ def shape(inside: str, more: str = "") -> str:
     if plan is None:
         return ""
 
-    def told(index: int) -> str:
+    def described(index: int) -> str:
         element = plan.elements[index]
         if element.kind is Kind.RUNNER:
             return str(element.parameters["place"]).removeprefix("Bay")
-        inner = " ".join(map(told, element.children))
+        inner = " ".join(map(described, element.children))
         letter = (element.control_type or "x")[0] if element.kind is Kind.CONTROL else ""
         return f"{letter}[{inner}]" if letter else inner
 
-    return re.sub(r"^s\[(.*)\]$", r"\1", told(0))
+    return re.sub(r"^s\[(.*)\]$", r"\1", described(0))
 
 
 @pytest.mark.parametrize(

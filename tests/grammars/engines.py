@@ -72,9 +72,9 @@ def _compiled(kind: str, grammar: str) -> LLMatcher:
     failed, warnings = LLMatcher.validate_grammar_with_warnings(compiled, tokenizer())
     assert not failed, warnings
     assert not warnings
-    found = LLMatcher(tokenizer(), compiled)
-    assert not found.is_error(), found.get_error()
-    return found
+    result = LLMatcher(tokenizer(), compiled)
+    assert not result.is_error(), result.get_error()
+    return result
 
 
 def matcher(kind: str, grammar: str) -> LLMatcher:
@@ -85,26 +85,26 @@ def matcher(kind: str, grammar: str) -> LLMatcher:
 def accepts(kind: str, grammar: str, text: str) -> bool:
     """Whether an engine lets a model write exactly this text."""
     data = list(text.encode("utf-8", "surrogatepass"))
-    found = matcher(kind, grammar)
-    return found.try_consume_tokens(data) == len(data) and found.is_accepting()
+    match = matcher(kind, grammar)
+    return match.try_consume_tokens(data) == len(data) and match.is_accepting()
 
 
-def allowed(found: LLMatcher) -> set[int]:
+def allowed(actual: LLMatcher) -> set[int]:
     """The bytes that may come next; 256 and more stand for the end."""
-    mask = found.compute_bitmask()
+    mask = actual.compute_bitmask()
     numbers = (8 * place + bit for place, byte in enumerate(mask) for bit in _BITS[byte])
     return {number for number in numbers if number < tokenizer().vocab_size}
 
 
 def sentence(kind: str, grammar: str, random: Random) -> str:
     """A text of the grammar, written byte by byte as the masks allow; mostly it ends soon."""
-    found = matcher(kind, grammar)
+    match = matcher(kind, grammar)
     written = bytearray()
     while True:
-        choices = sorted(allowed(found))
-        assert choices, (written, found.get_error())
+        choices = sorted(allowed(match))
+        assert choices, (written, match.get_error())
         assert len(written) < _NEVER
-        ends = found.is_accepting()
+        ends = match.is_accepting()
         if ends and (choices[-1] > 255) and random.random() < 0.5:
             break
         choices = [number for number in choices if number <= 255]
@@ -112,7 +112,7 @@ def sentence(kind: str, grammar: str, random: Random) -> str:
             break
         number = _chosen(choices, random, late=len(written) > _SOON)
         written.append(number)
-        assert found.consume_token(number), found.get_error()
+        assert match.consume_token(number), match.get_error()
     return written.decode("utf-8", "surrogatepass")
 
 
@@ -129,9 +129,9 @@ def _chosen(choices: list[int], random: Random, *, late: bool) -> int:
 def errors(text: str, capabilities: Capabilities) -> list[str]:
     """The errors of a plan's text and of its capabilities, as ``check`` finds them."""
     report = check_text(text, "plan.xml", CheckOptions(capabilities=capabilities))
-    assert "GP903" not in {found.rule for found in report.findings}
+    assert "GP903" not in {finding.rule for finding in report.findings}
     return [
-        f"{found.rule}: {found.message}"
-        for found in report.findings
-        if found.rule[:3] in ("GP1", "GP2") and found.severity is Severity.ERROR
+        f"{finding.rule}: {finding.message}"
+        for finding in report.findings
+        if finding.rule[:3] in ("GP1", "GP2") and finding.severity is Severity.ERROR
     ]

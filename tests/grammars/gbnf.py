@@ -67,7 +67,7 @@ class Gbnf:
 
     def _expanded(self, stacks: list[Stack]) -> set[Stack]:
         """Stacks with a character on top; None is the end."""
-        found: set[Stack] = set()
+        reached: set[Stack] = set()
         seen: set[Stack] = set()
         while stacks:
             stack = stacks.pop()
@@ -77,12 +77,12 @@ class Gbnf:
                 continue
             seen.add(stack)
             if stack is None or isinstance(stack[0][0], Chars):
-                found.add(stack)
+                reached.add(stack)
                 continue
             rest, below = stack[0][1:], stack[1]
             under = (rest, below) if rest else below
             stacks += [(tuple(one), under) for one in self._rules[stack[0][0]]]
-        return found
+        return reached
 
     def _refuse_left_recursion(self, name: str, above: tuple[str, ...]) -> None:
         if name in above:
@@ -94,9 +94,9 @@ class Gbnf:
     # --- reading ---------------------------------------------------------------------------------
 
     def _skip(self, pattern: re.Pattern[str]) -> None:
-        found = pattern.match(self._text, self._at)
-        assert found is not None
-        self._at = found.end()
+        match = pattern.match(self._text, self._at)
+        assert match is not None
+        self._at = match.end()
 
     def _sees(self, text: str) -> bool:
         return self._text.startswith(text, self._at)
@@ -107,11 +107,11 @@ class Gbnf:
         self._at += len(text)
 
     def _word(self) -> str:
-        found = _NAME.match(self._text, self._at)
-        if found is None:
+        match = _NAME.match(self._text, self._at)
+        if match is None:
             raise ValueError(f"name expected at {self._text[self._at : self._at + 40]!r}")
-        self._at = found.end()
-        return found[0]
+        self._at = match.end()
+        return match[0]
 
     def _rule(self) -> None:
         name = self._word()
@@ -125,12 +125,12 @@ class Gbnf:
             self._take("\n")
 
     def _alternatives(self, blank: re.Pattern[str]) -> Alternatives:
-        found = [self._sequence(blank)]
+        sequences = [self._sequence(blank)]
         while self._sees("|"):
             self._at += 1
             self._skip(_BLANKS)
-            found.append(self._sequence(blank))
-        return found
+            sequences.append(self._sequence(blank))
+        return sequences
 
     def _sequence(self, blank: re.Pattern[str]) -> list[Part]:
         parts: list[Part] = []
@@ -179,11 +179,11 @@ class Gbnf:
 
     def _literal(self) -> str:
         self._at += 1
-        found = []
+        items = []
         while not self._sees('"'):
-            found.append(self._char())
+            items.append(self._char())
         self._at += 1
-        return "".join(found)
+        return "".join(items)
 
     def _class(self) -> Chars:
         self._at += 1

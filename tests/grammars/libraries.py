@@ -84,16 +84,16 @@ def _providers(draw: DrawFn, name: str, implements: str) -> Provider:
     names = st.sampled_from(NAMES)
     if draw(st.integers(0, 5)) == 5:
         names = st.sampled_from(NAMES + ODD_NAMES)
-    known = draw(st.lists(names, max_size=4, unique=True))
+    drawn = draw(st.lists(names, max_size=4, unique=True))
     taken = draw(st.lists(st.sampled_from(NAMES), max_size=2, unique=True))
-    given = draw(st.lists(st.sampled_from(NAMES), max_size=2, unique=True))
+    value = draw(st.lists(st.sampled_from(NAMES), max_size=2, unique=True))
     return Provider(
         name=name,
         implements=implements,
         described=draw(st.integers(0, 9)) > 0,
-        configuration=tuple(draw(_parameters(one)) for one in known),
+        configuration=tuple(draw(_parameters(one)) for one in drawn),
         inputs=tuple(draw(_inputs(one)) for one in taken),
-        outputs=tuple(Output(one) for one in given),
+        outputs=tuple(Output(one) for one in value),
         deprecated=draw(st.sampled_from(["", "", "", "old"])),
     )
 
@@ -115,17 +115,17 @@ def capabilities(draw: DrawFn) -> Capabilities:
 # -- plans over a library whose parameters are all plain ---------------------------------------
 
 
-def value_texts(known: Parameter) -> SearchStrategy[str]:
+def value_texts(parameter: Parameter) -> SearchStrategy[str]:
     """Values that a parameter may have, as a plan writes them."""
-    low, high = known.minimum, known.maximum
-    if known.choices:
-        return st.sampled_from(known.choices)
-    if known.type is ValueType.BOOL:
+    low, high = parameter.minimum, parameter.maximum
+    if parameter.choices:
+        return st.sampled_from(parameter.choices)
+    if parameter.type is ValueType.BOOL:
         return st.sampled_from(["true", "false"])
-    if known.type is ValueType.INT:
+    if parameter.type is ValueType.INT:
         least = -(10**9) if low is None else int(-(-low // 1))
         return st.integers(least, 10**9 if high is None else int(high // 1)).map(str)
-    if known.type is ValueType.DOUBLE:
+    if parameter.type is ValueType.DOUBLE:
         least = -1e9 if low is None else low
         numbers = st.floats(least, 1e9 if high is None else high)
         return numbers.map(lambda number: _decimal(number, low))
@@ -157,9 +157,9 @@ def _runners(draw: DrawFn, library: Library) -> str:
     if interface.deprecated:
         return _runner("generic_capabilities/WaitRunner", [("seconds", "1")])
     written = [
-        (known.name, draw(value_texts(known)))
-        for known in provider.configuration
-        if known.required or draw(st.booleans())
+        (each.name, draw(value_texts(each)))
+        for each in provider.configuration
+        if each.required or draw(st.booleans())
     ]
     return _runner(provider.name, written)
 

@@ -110,20 +110,20 @@ def test_sentences_are_plans_without_errors(kind: str, random: Random) -> None:
 @given(RANDOM)
 @FEW
 def test_trees_become_plans_without_errors(patterns: bool, random: Random) -> None:
-    known = builtin_capabilities()
-    text = json.dumps(schema(alphabet(known.library), 3, patterns=patterns))
-    _is_sound(sentence("json_schema", text, random), known, patterns=patterns)
+    library = builtin_capabilities()
+    text = json.dumps(schema(alphabet(library.library), 3, patterns=patterns))
+    _is_sound(sentence("json_schema", text, random), library, patterns=patterns)
 
 
 @given(capabilities(), RANDOM)
 def test_trees_over_any_library_become_plans_without_errors(
-    known: Capabilities, random: Random
+    library: Capabilities, random: Random
 ) -> None:
-    text = json.dumps(schema(alphabet(known.library), 2, patterns=True))
-    _is_sound(sentence("json_schema", text, random), known, patterns=True)
+    text = json.dumps(schema(alphabet(library.library), 2, patterns=True))
+    _is_sound(sentence("json_schema", text, random), library, patterns=True)
 
 
-def _is_sound(tree: str, known: Capabilities, *, patterns: bool) -> None:
+def _is_sound(tree: str, library: Capabilities, *, patterns: bool) -> None:
     try:
         text = rendered(tree)
     except TreeError as error:
@@ -131,8 +131,8 @@ def _is_sound(tree: str, known: Capabilities, *, patterns: bool) -> None:
         assert re.search(r"no plan can hold|too great|digits; write", str(error))  # noqa: PT017
         assume(False)
         raise
-    found = errors(text, known)
-    assert [each for each in found if patterns or not each.startswith("GP207")] == []
+    messages = errors(text, library)
+    assert [each for each in messages if patterns or not each.startswith("GP207")] == []
 
 
 # -- what is damaged --------------------------------------------------------------------------
@@ -217,17 +217,17 @@ def words_after(text: str, end: str) -> set[str]:
     """The words that a model may write next, up to and without ``end``."""
     start = matcher("gbnf", builtin().gbnf)
     assert start.try_consume_tokens(list(text.encode())) == len(text)
-    found, pending = set(), [(start, "")]
+    result, pending = set(), [(start, "")]
     while pending:
         current, written = pending.pop()
         for byte in allowed(current):
             if chr(byte) == end:
-                found.add(written)
+                result.add(written)
                 continue
             following = current.deep_copy()
             assert following.consume_token(byte)
             pending.append((following, written + chr(byte)))
-    return found
+    return result
 
 
 def test_masks_at_points_of_decision() -> None:
@@ -249,10 +249,10 @@ def test_masks_at_points_of_decision() -> None:
 
 def test_after_the_plan_only_the_end_is_allowed() -> None:
     for kind in ("gbnf", "lark"):
-        found = matcher(kind, getattr(builtin(), kind))
-        assert found.try_consume_tokens(list(PLAN.encode())) == len(PLAN)
-        assert found.is_accepting()
-        assert all(number > 255 for number in allowed(found))
+        match = matcher(kind, getattr(builtin(), kind))
+        assert match.try_consume_tokens(list(PLAN.encode())) == len(PLAN)
+        assert match.is_accepting()
+        assert all(number > 255 for number in allowed(match))
 
 
 def optional(size: int) -> Capabilities:
@@ -295,8 +295,8 @@ def fleet(size: int) -> tuple[list[str], Capabilities]:
 
 
 def test_two_hundred_interfaces() -> None:
-    names, known = fleet(200)
-    engines = Engines.of(known, depth=2)
+    names, library = fleet(200)
+    engines = Engines.of(library, depth=2)
     assert agreed(engines, plan(runner(names[199], speed="2.5")))
     assert not agreed(engines, plan(runner(names[199], speed="2.50000001")))
     assert not agreed(engines, plan(runner("fleet_1/Runner2", speed="1")))
@@ -304,8 +304,8 @@ def test_two_hundred_interfaces() -> None:
 
 def test_a_thousand_interfaces_on_a_server() -> None:
     """Where decoding is constrained while a model writes."""
-    names, known = fleet(1000)
-    grammars = {str(key): text for key, text in grammars_for(known, depth=2)}
+    names, library = fleet(1000)
+    grammars = {str(key): text for key, text in grammars_for(library, depth=2)}
     for kind in ("lark", "gbnf"):
         assert accepts(kind, grammars[kind], plan(runner(names[999], speed="2.5")))
         assert not accepts(kind, grammars[kind], plan(runner(names[999], speed="2.50000001")))

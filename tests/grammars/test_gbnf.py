@@ -98,14 +98,14 @@ def test_plans_and_mutants(text: str, data: st.DataObject) -> None:
 
 @given(capabilities(), RANDOM, st.data())
 def test_sentences_over_any_library_are_plans_without_errors(
-    known: Capabilities, random: Random, data: st.DataObject
+    library: Capabilities, random: Random, data: st.DataObject
 ) -> None:
-    engines = Engines.of(known, depth=2)
+    engines = Engines.of(library, depth=2)
     read = Gbnf(engines.gbnf)
     text = sentence("gbnf", engines.gbnf, random)
     assert read.accepts(text)
     assert set(engines.verdicts(text).values()) == {True}
-    assert errors(text, known) == []
+    assert errors(text, library) == []
     mutant = data.draw(mutants(text))
     assert read.accepts(mutant) is engines.verdicts(mutant)["llguidance gbnf"]
 
@@ -124,7 +124,7 @@ _KEYWORDS = {
 
 
 @given(capabilities())
-def test_schemas_have_only_what_ollama_turns_into_a_grammar(known: Capabilities) -> None:
+def test_schemas_have_only_what_ollama_turns_into_a_grammar(library: Capabilities) -> None:
     """Its converter reads these; what it does not know it may ignore without a word."""
 
     def visit(part: dict[str, object]) -> None:
@@ -137,6 +137,6 @@ def test_schemas_have_only_what_ollama_turns_into_a_grammar(known: Capabilities)
         for each in inner:
             visit(each)
 
-    found = schema(alphabet(known.library), 2)
-    Draft202012Validator.check_schema(found)
-    visit(found)
+    generated = schema(alphabet(library.library), 2)
+    Draft202012Validator.check_schema(generated)
+    visit(generated)

@@ -107,14 +107,14 @@ def test_plans_are_accepted(text: str) -> None:
 
 @MORE
 @given(texts.spoiled_plans())
-def test_one_thing_wrong_is_one_too_many(given_text: texts.Text) -> None:
-    text, spoiled = given_text
+def test_one_thing_wrong_is_one_too_many(written: texts.Text) -> None:
+    text, spoiled = written
     assert _verdicts(text) == _all(not spoiled)
 
 
 @given(texts.wild_texts())
-def test_same_language_on_wild_texts(given_text: texts.Text) -> None:
-    text, _ = given_text
+def test_same_language_on_wild_texts(written: texts.Text) -> None:
+    text, _ = written
     assert _verdicts(text) == _all(_grammar_accepts(text))
 
 
@@ -139,7 +139,7 @@ def test_same_language_on_real_plans(shared_corpus: Path) -> None:
 def test_same_language_on_our_plans() -> None:
     paths = sorted((REPO / "corpus").rglob("*.xml"))
     verdicts = {path: _verdicts(path.read_bytes().decode("utf-8", "replace")) for path in paths}
-    wrong = [path for path, found in verdicts.items() if found != _all(found["grammar"])]
+    wrong = [path for path, each in verdicts.items() if each != _all(each["grammar"])]
     assert not wrong
 
 
@@ -167,46 +167,46 @@ def _with_value(value: str) -> tuple[str, ...]:
 
 def _plans() -> list[str]:
     """Texts that are plans."""
-    found = [f"{prolog}<Plan/>" for prolog in texts.PROLOGS]
-    found += [f"{filler}<Plan/>{filler}" for filler in texts.FILLERS]
-    found += [f'<Plan><Control type="{right}"/></Plan>' for right in texts.RIGHT_TYPES]
+    actual = [f"{prolog}<Plan/>" for prolog in texts.PROLOGS]
+    actual += [f"{filler}<Plan/>{filler}" for filler in texts.FILLERS]
+    actual += [f'<Plan><Control type="{right}"/></Plan>' for right in texts.RIGHT_TYPES]
     for filler in texts.INNER_FILLERS:
-        found += [*_around(filler), f"<Plan>{RUNNER}>{filler}</Runner></Plan>"]
+        actual += [*_around(filler), f"<Plan>{RUNNER}>{filler}</Runner></Plan>"]
     for value in (*texts.FILLED, *texts.BLANK):
-        found += _with_value(value)
+        actual += _with_value(value)
     for value in texts.FILLED:
-        found.append(f"<Plan><Runner interface='{value}' provider='{value}'/></Plan>")
+        actual.append(f"<Plan><Runner interface='{value}' provider='{value}'/></Plan>")
     for name, value in texts.DECLARATIONS:
-        found += _with_attributes(f"{name}='{value}'")
+        actual += _with_attributes(f"{name}='{value}'")
     for name in texts.NAMES:
         if not name.startswith("p:"):
-            found += _with_attributes(f" {name}='1'")
-    return found
+            actual += _with_attributes(f" {name}='1'")
+    return actual
 
 
 def _no_plans() -> list[str]:
     """Texts that are no plans."""
-    found = ["", " ", "Plan", "<!-- <Plan/> -->", "<Plan>", "</Plan>", f"{RUNNER}/>", "<Plans/>"]
-    found += [f"{prolog}<Plan/>" for prolog in texts.BAD_PROLOGS]
-    found += [f"<Plan/>{epilog}" for epilog in texts.BAD_EPILOGS]
-    found += [f"<Plan><Control type='{wrong}'/></Plan>" for wrong in texts.WRONG_TYPES]
+    results = ["", " ", "Plan", "<!-- <Plan/> -->", "<Plan>", "</Plan>", f"{RUNNER}/>", "<Plans/>"]
+    results += [f"{prolog}<Plan/>" for prolog in texts.BAD_PROLOGS]
+    results += [f"<Plan/>{epilog}" for epilog in texts.BAD_EPILOGS]
+    results += [f"<Plan><Control type='{wrong}'/></Plan>" for wrong in texts.WRONG_TYPES]
     for stray in (*texts.STRAY_TEXTS, *texts.STRAY_ELEMENTS):
-        found += [*_around(stray), f"<Plan>{RUNNER}>{stray}</Runner></Plan>"]
+        results += [*_around(stray), f"<Plan>{RUNNER}>{stray}</Runner></Plan>"]
     for element in texts.ELEMENTS:
-        found.append(f"<Plan>{RUNNER}>{element}</Runner></Plan>")
+        results.append(f"<Plan>{RUNNER}>{element}</Runner></Plan>")
     for value in texts.NOT_VALUES:
-        found += _with_value(value)
+        results += _with_value(value)
     for value in (*texts.BLANK, *texts.NOT_VALUES):
-        found.append(f"<Plan><Runner interface='{value}' provider='demo/GoRunner'/></Plan>")
-        found.append(f"<Plan><Runner interface='demo/GoRunner' provider='{value}'/></Plan>")
+        results.append(f"<Plan><Runner interface='{value}' provider='demo/GoRunner'/></Plan>")
+        results.append(f"<Plan><Runner interface='demo/GoRunner' provider='{value}'/></Plan>")
     for bad in texts.BAD_ATTRIBUTES:
-        found += _with_attributes(bad)
+        results += _with_attributes(bad)
     for name in texts.BAD_NAMES:
         if name != "Runner":
-            found.append(f"<Plan><{name} interface='a' provider='b'></{name}></Plan>")
+            results.append(f"<Plan><{name} interface='a' provider='b'></{name}></Plan>")
         if name != "Plan":
-            found.append(f"<{name}></{name}>")
-    return found
+            results.append(f"<{name}></{name}>")
+    return results
 
 
 @pytest.mark.parametrize("text", _plans(), ids=ascii)
@@ -295,11 +295,11 @@ def test_large_plan_is_validated_in_time() -> None:
 
 
 def _fenced(language: str) -> list[str]:
-    found = re.findall(
+    matches = re.findall(
         rf"^```{language}\n(.*?)^```$", DOCS.read_text(encoding="utf-8"), re.M | re.S
     )
-    assert found, f"no {language} example in {DOCS.name}"
-    return found
+    assert matches, f"no {language} example in {DOCS.name}"
+    return matches
 
 
 def test_examples_of_the_docs_are_plans() -> None:

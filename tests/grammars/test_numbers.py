@@ -29,8 +29,8 @@ TEXTS = st.builds(
 
 
 def allows(low: float | None, high: float | None, text: str, *, whole: bool = False) -> bool:
-    found = integers(low, high) if whole else decimals(low, high)
-    return found is not None and re.fullmatch(regular(found), text) is not None
+    result = integers(low, high) if whole else decimals(low, high)
+    return result is not None and re.fullmatch(regular(result), text) is not None
 
 
 def within(low: float | None, high: float | None, text: str) -> bool:
@@ -66,8 +66,10 @@ def test_integers(low: float | None, high: float | None, value: int) -> None:
 
 @pytest.mark.parametrize(("low", "high"), [(7, 7), (0, 9), (3, 17), (95, 105), (-12, 3), (0, 1000)])
 def test_every_integer_of_a_range(low: int, high: int) -> None:
-    found = {number for number in range(-1500, 1500) if allows(low, high, str(number), whole=True)}
-    assert found == set(range(low, high + 1))
+    numbers = {
+        number for number in range(-1500, 1500) if allows(low, high, str(number), whole=True)
+    }
+    assert numbers == set(range(low, high + 1))
 
 
 @given(BOUNDS, BOUNDS, st.floats(allow_nan=False, allow_infinity=False))
@@ -93,8 +95,8 @@ def test_other_spellings(text: str) -> None:
 
 
 def test_the_expressions_stay_short() -> None:
-    found = decimals(0.123456789, 987654.321)
-    assert found is not None
-    assert len(regular(found)) < 1500
+    accepted = decimals(0.123456789, 987654.321)
+    assert accepted is not None
+    assert len(regular(accepted)) < 1500
     assert allows(None, None, "9" * WHOLE + "." + "9" * FRACTION)
     assert not allows(None, None, "9" * (WHOLE + 1))

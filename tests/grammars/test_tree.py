@@ -63,10 +63,10 @@ VALUES = st.one_of(
 
 @given(st.dictionaries(st.sampled_from(["a", "b", "é", "steps", "control"]), VALUES))
 def test_values_arrive_as_they_are(values: dict[str, Any]) -> None:
-    found = parse(of({**GO, "parameters": values}))
-    assert not [each for each in found.problems if each.rule not in ("GP111", "GP112")]
-    assert found.plan is not None
-    (runner,) = found.plan.runners
+    parsed = parse(of({**GO, "parameters": values}))
+    assert not [each for each in parsed.problems if each.rule not in ("GP111", "GP112")]
+    assert parsed.plan is not None
+    (runner,) = parsed.plan.runners
     written = {one.name: one for one in runner.attributes if one.name in values}
     assert written.keys() == values.keys()
     for name, value in values.items():
@@ -83,10 +83,10 @@ def test_any_json_is_rendered_or_refused(value: Any) -> None:
         try:
             text = rendered(json.dumps(tree))
         except TreeError as error:
-            text, told = "<Plan/>", str(error)
+            text, line = "<Plan/>", str(error)
         else:
-            told = ""
-        assert told.isprintable()
+            line = ""
+        assert line.isprintable()
         assert not [each for each in parse(text).problems if each.rule in ("GP101", "GP108")]
 
 

@@ -23,10 +23,10 @@ def library(*parameters: Parameter, inputs: tuple[Input, ...] = (), gives: str =
     return Library((Interface("demo/Go"), Interface("demo/Look")), (go, look))
 
 
-def slots(known: Library) -> dict[str, bool]:
+def slots(described: Library) -> dict[str, bool]:
     """The parameters of demo/Go that can be written, and whether they must."""
-    found = next(each for each in alphabet(known).runners if each.interface == "demo/Go")
-    return {slot.name: slot.required for slot in found.slots}
+    first = next(each for each in alphabet(described).runners if each.interface == "demo/Go")
+    return {slot.name: slot.required for slot in first.slots}
 
 
 def left_out(words: Alphabet) -> dict[str, str]:
@@ -52,13 +52,15 @@ def test_what_can_arrive_may_be_left_out(
     sources: tuple[Source, ...], gives: str, required: bool
 ) -> None:
     expected = Input("text", required=True, satisfiable_from=sources)
-    known = library(need("text"), inputs=(expected,), gives=gives)
-    assert slots(known) == {"text": required}
+    capabilities = library(need("text"), inputs=(expected,), gives=gives)
+    assert slots(capabilities) == {"text": required}
 
 
 def test_required_and_optional_parameters() -> None:
-    known = library(need("a"), Parameter("b"), need("c", default=1), Parameter("d", default=2))
-    assert slots(known) == {"a": True, "b": False, "c": False, "d": False}
+    capabilities = library(
+        need("a"), Parameter("b"), need("c", default=1), Parameter("d", default=2)
+    )
+    assert slots(capabilities) == {"a": True, "b": False, "c": False, "d": False}
 
 
 def test_inputs_that_a_plan_may_write() -> None:
@@ -128,10 +130,10 @@ def test_why_runners_are_left_out() -> None:
 
 
 def test_only_some() -> None:
-    known = builtin_capabilities().library
+    described = builtin_capabilities().library
 
     def names(*only: str) -> list[str]:
-        return [each.interface for each in alphabet(known, only).runners]
+        return [each.interface for each in alphabet(described, only).runners]
 
     assert names("nav2_capabilities/*") == [
         "nav2_capabilities/OccupancyGridRunner",
@@ -143,12 +145,12 @@ def test_only_some() -> None:
         "generic_capabilities/WaitRunner",
     ]
     # where nothing can hand them over, the coordinates are needed
-    (waypoint,) = alphabet(known, ["WaypointRunner"]).runners
+    (waypoint,) = alphabet(described, ["WaypointRunner"]).runners
     assert [slot.name for slot in waypoint.slots if slot.required] == ["x", "y"]
 
 
 @pytest.mark.parametrize(
-    ("known", "only", "message"),
+    ("capabilities", "only", "message"),
     [
         (builtin_capabilities(), ["nav3/*"], "no capability matches 'nav3/*'; 'gpsfsm capab"),
         (builtin_capabilities(), ["\x1b*"], r"no capability matches '\x1b*'; 'gpsfsm capabil"),
@@ -162,9 +164,9 @@ def test_only_some() -> None:
     ],
     ids=range(4),
 )
-def test_nothing_to_allow(known: Capabilities, only: list[str] | None, message: str) -> None:
+def test_nothing_to_allow(capabilities: Capabilities, only: list[str] | None, message: str) -> None:
     with pytest.raises(UsageError) as caught:
-        grammars_for(known, only=only)
+        grammars_for(capabilities, only=only)
     assert message in str(caught.value)
 
 
@@ -175,18 +177,18 @@ def test_a_depth_out_of_range(depth: int) -> None:
 
 
 def test_there_is_a_grammar_for_each_constraint() -> None:
-    found = grammars_for(builtin_capabilities())
-    assert {constraint for constraint, _ in found} == set(Constraint)
-    assert found == grammars_for(builtin_capabilities())
+    grammars = grammars_for(builtin_capabilities())
+    assert {constraint for constraint, _ in grammars} == set(Constraint)
+    assert grammars == grammars_for(builtin_capabilities())
 
 
 def test_the_formats() -> None:
     assert format_names() == ("gbnf", "json-schema", "lark", "rnc", "rng", "xsd")
     for name in format_names():
-        found = find_format(name)
-        assert found.name == name
-        assert (found.emit is None) != (found.fixed is None)
-        assert (REPO / "grammars" / found.file).is_file()
+        format_ = find_format(name)
+        assert format_.name == name
+        assert (format_.emit is None) != (format_.fixed is None)
+        assert (REPO / "grammars" / format_.file).is_file()
     with pytest.raises(UsageError, match="there is no format 'ebnf' of grammars; the formats are"):
         find_format("ebnf")
 
@@ -209,12 +211,12 @@ def test_the_shipped_grammars_are_up_to_date() -> None:
 
 
 def test_shipped_grammars_are_ascii_with_one_rule_per_line() -> None:
-    found = texts()
-    assert all(text.isascii() and text.endswith("\n") for text in found.values())
-    assert all(" ::= " in line for line in found["plan.gbnf"].splitlines())
-    assert all(": " in line for line in found["plan.lark"].splitlines())
-    assert "$ref" not in found["plan.schema.json"]
-    assert '"pattern"' not in found["plan.schema.json"]
+    grammars = texts()
+    assert all(text.isascii() and text.endswith("\n") for text in grammars.values())
+    assert all(" ::= " in line for line in grammars["plan.gbnf"].splitlines())
+    assert all(": " in line for line in grammars["plan.lark"].splitlines())
+    assert "$ref" not in grammars["plan.schema.json"]
+    assert '"pattern"' not in grammars["plan.schema.json"]
 
 
 def test_a_grammar_of_a_few_interfaces_is_short_enough_for_a_prompt() -> None:

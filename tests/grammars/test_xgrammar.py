@@ -63,8 +63,8 @@ def test_sentences_are_accepted(random: Any) -> None:
 
 
 @given(capabilities(), st.randoms(use_true_random=True))
-def test_sentences_over_any_library_are_accepted(known: Capabilities, random: Any) -> None:
-    (gbnf,) = (text for kind, text in grammars_for(known, depth=2) if kind == "gbnf")
+def test_sentences_over_any_library_are_accepted(library: Capabilities, random: Any) -> None:
+    (gbnf,) = (text for kind, text in grammars_for(library, depth=2) if kind == "gbnf")
     assert is_sentence(xgrammar().Grammar.from_ebnf(gbnf), sentence("gbnf", gbnf, random))
 
 

@@ -161,9 +161,9 @@ class _Writer:
         return self._pick(("\n", "\r\n", "\t"))
 
     def _attributes(self, name: str) -> str:
-        found: list[str] = []
+        results: list[str] = []
         if name == "Plan" and self._declared:
-            found.append(" xmlns:p='urn:p'")
+            results.append(" xmlns:p='urn:p'")
         if name == "Runner":
             needed = [("interface", FILLED, BLANK), ("provider", FILLED, BLANK)]
         else:
@@ -171,24 +171,24 @@ class _Writer:
         for attribute, good, bad in needed:
             value = self._pick(good, (*bad, *NOT_VALUES, "omit"))
             if value != "omit":
-                found.append(self._attribute(f" {attribute}", value))
-        found += self._extras(frozenset(attribute for attribute, _, _ in needed))
-        found.append(self._pick(("",), BAD_ATTRIBUTES))
-        return "".join(self._draw(st.permutations(found)))
+                results.append(self._attribute(f" {attribute}", value))
+        results += self._extras(frozenset(attribute for attribute, _, _ in needed))
+        results.append(self._pick(("",), BAD_ATTRIBUTES))
+        return "".join(self._draw(st.permutations(results)))
 
     def _extras(self, taken: frozenset[str]) -> list[str]:
         """Attributes that any element may have."""
         names = [name for name in NAMES if self._declared or not name.startswith("p:")]
         names += [name for name in ("type", "interface", "provider") if name not in taken]
         chosen = self._draw(st.lists(st.sampled_from(names), max_size=2, unique=True))
-        found = [
+        actual = [
             self._attribute(f" {name}", self._pick((*FILLED, *BLANK), NOT_VALUES))
             for name in chosen
         ]
         declared = self._draw(
-            st.lists(st.sampled_from(DECLARATIONS), max_size=1) if not found else st.just([])
+            st.lists(st.sampled_from(DECLARATIONS), max_size=1) if not actual else st.just([])
         )
-        return found + [self._attribute(*pair) for pair in declared]
+        return actual + [self._attribute(*pair) for pair in declared]
 
     def _attribute(self, name: str, value: str) -> str:
         quote = self._pick(("'", '"'))

@@ -181,7 +181,7 @@ def _apply(image: Image, step: Step) -> None:
             assert done.returncode == 0, f"{text}\n{done.stdout}{done.stderr}"
         case "ENV":
             for name, value in _pairs(words).items():
-                filled = _VARIABLE.sub(lambda found: image.environment[found[1]], value)
+                filled = _VARIABLE.sub(lambda actual: image.environment[actual[1]], value)
                 image.environment[name] = filled
         case "LABEL":
             image.labels |= _pairs(words)

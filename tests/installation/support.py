@@ -53,10 +53,10 @@ class Released:
 
     def environment(self, home: Path) -> dict[str, str]:
         """That of a user whose index has the release, and to whom the repository is near."""
-        found = os.environ.get("PIP_FIND_LINKS", "")
+        response = os.environ.get("PIP_FIND_LINKS", "")
         return {
             "HOME": str(home),
-            "PIP_FIND_LINKS": f"{self.dist} {found}".strip(),
+            "PIP_FIND_LINKS": f"{self.dist} {response}".strip(),
             "UV_FIND_LINKS": str(self.dist),
             "GIT_CONFIG_COUNT": "2",
             "GIT_CONFIG_KEY_0": f"url.file://{self.repository}.insteadOf",

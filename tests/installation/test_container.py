@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import httpx
 import pytest
 import yaml
 
@@ -18,7 +19,7 @@ from gpsfsm.version import IMAGE, REPOSITORY, VERSION
 from tests.installation.image import Image, build, can_build, steps
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
 REPO = Path(__file__).parents[2]
 DOCKERFILE = REPO / "Dockerfile"
@@ -103,14 +104,22 @@ def test_the_commands_are_those_of_gpsfsm(service: dict[str, Any]) -> None:
         assert context.params["journal"] == "/data/queue.db"
 
 
-def test_compose_itself_reads_it(tmp_path: Path) -> None:
-    plugin = ["docker-compose"]
-    if shutil.which(plugin[0]) is None:
-        plugin = ["docker", "compose"]
-        version = [*plugin, "version"]
-        if shutil.which("docker") is None or subprocess.run(version, check=False).returncode:
-            pytest.skip("docker compose is not installed")
-    command = [*plugin, "-f", REPO / "compose.yaml", "config"]
+def compose() -> Sequence[str] | None:
+    """The command of Docker Compose; None if it is not installed."""
+    if shutil.which("docker-compose") is not None:
+        return ["docker-compose"]
+    plugin = ["docker", "compose"]
+    if shutil.which("docker") is None:
+        return None
+    done = subprocess.run([*plugin, "version"], capture_output=True, check=False)
+    return None if done.returncode else plugin
+
+
+def test_compose_itself_reads_it() -> None:
+    program = compose()
+    if program is None:
+        pytest.skip("docker compose is not installed")
+    command = [*program, "-f", str(REPO / "compose.yaml"), "config"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert yaml.safe_load(done.stdout)["services"]["gpsfsm"]["read_only"] is True
@@ -190,31 +199,75 @@ def has_engine() -> bool:
     return done.returncode == 0
 
 
-@pytest.mark.packages
-def test_an_engine_builds_and_runs_the_image() -> None:
+def docker(*words: str, folder: Path = REPO, program: Sequence[str] = ("docker",)) -> str:
+    done = subprocess.run(
+        [*program, *words], cwd=folder, capture_output=True, text=True, timeout=900, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout.strip()
+
+
+def until_engine_says_healthy(container: str) -> None:
+    until = time.monotonic() + 120
+    while docker("inspect", "--format", "{{.State.Health.Status}}", container) != "healthy":
+        assert time.monotonic() < until, docker("logs", container)
+        time.sleep(1)
+
+
+@pytest.fixture(scope="module")
+def image() -> str:
+    """The image, as an engine of containers builds it."""
     if not has_engine():
         pytest.skip("there is no engine of containers: the steps alone are run")
+    docker("build", "--tag", f"{IMAGE}:{VERSION}", ".")
+    return f"{IMAGE}:{VERSION}"
 
-    def docker(*words: str) -> str:
-        done = subprocess.run(
-            ["docker", *words], cwd=REPO, capture_output=True, text=True, timeout=900, check=False
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout.strip()
 
-    docker("build", "--tag", "gpsfsm:tried", ".")
+@pytest.mark.packages
+def test_an_engine_builds_and_runs_the_image(image: str) -> None:
     hardened = ("--read-only", "--tmpfs=/tmp", "--cap-drop=ALL")
     container = docker(
         *("run", "--detach", *hardened, "--security-opt=no-new-privileges", "--health-interval=1s"),
-        *(f"--env=GPSFSM_TOKEN={TOKEN}", "gpsfsm:tried"),
+        *(f"--env=GPSFSM_TOKEN={TOKEN}", image),
     )
     try:
-        until = time.monotonic() + 120
-        state = ""
-        while state != "healthy":
-            assert time.monotonic() < until, docker("logs", container)
-            time.sleep(1)
-            state = docker("inspect", "--format", "{{.State.Health.Status}}", container)
+        until_engine_says_healthy(container)
         assert docker("exec", container, "id", "-u") == "10001"
     finally:
         docker("rm", "--force", "--volumes", container)
+
+
+@pytest.mark.packages
+def test_the_composed_service_keeps_its_journal(image: str, tmp_path: Path) -> None:
+    """A plan that was submitted is still in the queue of the next container."""
+    program = compose()
+    if program is None:
+        pytest.skip("docker compose is not installed")
+    shutil.copy(REPO / "compose.yaml", tmp_path)
+    (tmp_path / "token").write_text(TOKEN, encoding="utf-8")
+    (tmp_path / "token").chmod(0o644)
+
+    def composed(*words: str) -> str:
+        return docker(*words, folder=tmp_path, program=program)
+
+    def service() -> httpx.Client:
+        headers = {"Authorization": f"Bearer {TOKEN}"}
+        return httpx.Client(base_url="http://127.0.0.1:8321", headers=headers, timeout=60)
+
+    plan = (REPO / "docs" / "examples" / "patrol.xml").read_text("utf-8")
+    request = {"plan": plan, "request_id": "mission-7"}
+    try:
+        containers, answers = [], []
+        for _ in range(2):
+            composed("up", "--detach", "--no-build")
+            (container,) = composed("ps", "--quiet").split()
+            until_engine_says_healthy(container)
+            containers.append(container)
+            with service() as client:
+                answers.append(client.post("/v1/plans", json=request))
+            composed("rm", "--stop", "--force")
+        assert containers[0] != containers[1]
+        assert all(answer.is_success for answer in answers), [answer.text for answer in answers]
+        assert [answer.json()["plan_id"] for answer in answers] == ["1", "1"], "queued once"
+    finally:
+        composed("down", "--volumes")

@@ -96,11 +96,11 @@ def test_the_page_on_an_index_has_no_relative_links() -> None:
     """Its links and pictures are files of the repository, in this version."""
     text = re.sub(r"^```.*?^```$", "", long_description(), flags=re.MULTILINE | re.DOTALL)
     targets = re.findall(r"\]\(([^)\s]+)|(?:src|href)=\"?([^\s\">]+)", text)
-    found = [one or other for one, other in targets]
-    assert [each for each in found if not re.match("https://", each)] == []
+    actual = [one or other for one, other in targets]
+    assert [each for each in actual if not re.match("https://", each)] == []
     ours = [
         re.fullmatch(rf"{REPOSITORY}/(raw|blob)/v{re.escape(VERSION)}/([^#]+)(#.*)?", each)
-        for each in found
+        for each in actual
         if each.startswith(f"{REPOSITORY}/")
     ]
     assert len(ours) > 5

@@ -62,14 +62,14 @@ def test_no_other_owner_is_named(texts: dict[str, str]) -> None:
     """All that looks like an address of a repository, an action or an image of this name."""
     hosts = r"(?:github\.com[/:]|ghcr\.io/|https?://)"
     owners = {
-        (name, found[1])
+        (name, each[1])
         for name, text in texts.items()
         for pattern in (
             rf"{hosts}([\w-]+)/gpsfsm(?![\w-])",
             r"(?<![\w/.-])([\w-]+)/gpsfsm@",
             r"([\w-]+)\.github\.io/gpsfsm(?![\w-])",
         )
-        for found in re.finditer(pattern, text)
+        for each in re.finditer(pattern, text)
     }
     assert {owner for _, owner in owners} == {OWNER, OWNER.lower()}
     assert {"pyproject.toml", "docs/gate.md"} <= {name for name, _ in owners}

@@ -76,10 +76,10 @@ def test_systemd_has_nothing_to_say(tmp_path: Path, dropped: bool) -> None:
 @needs_systemd
 def test_it_is_hardly_exposed(tmp_path: Path) -> None:
     done = analyze("security", "--offline=true", "--no-pager", placed(tmp_path), cwd=tmp_path)
-    found = re.search(r"Overall exposure level for \S+: ([\d.]+)", done.stdout)
-    if found is None:
+    match = re.search(r"Overall exposure level for \S+: ([\d.]+)", done.stdout)
+    if match is None:
         pytest.skip(f"this systemd-analyze cannot do it offline: {done.stderr}")
-    assert float(found[1]) <= MOST_EXPOSURE
+    assert float(match[1]) <= MOST_EXPOSURE
 
 
 def test_it_may_do_little() -> None:

@@ -49,7 +49,7 @@ class Editor:
         self.process = support.start("lsp", cwd=root, stdin=subprocess.PIPE)
         self.texts: dict[str, str] = {}
         self.versions: dict[str, int] = {}
-        self.told: dict[str, dict[str, Any]] = {}
+        self.published: dict[str, dict[str, Any]] = {}
         self.notices: list[dict[str, Any]] = []
         self._answers: dict[int, dict[str, Any]] = {}
         self._incoming: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
@@ -94,7 +94,7 @@ class Editor:
     def open(self, name: str, text: str, *, language: str = "xml") -> str:
         uri = self.uri(name)
         self.texts[uri], self.versions[uri] = text, 1
-        self.told.pop(uri, None)
+        self.published.pop(uri, None)
         item = {"uri": uri, "languageId": language, "version": 1, "text": text}
         self.tell("textDocument/didOpen", {"textDocument": item})
         return uri
@@ -110,9 +110,9 @@ class Editor:
 
     def diagnostics(self, uri: str) -> list[dict[str, Any]]:
         """Those of the document as it is now."""
-        self.wait(lambda: self.told.get(uri, {}).get("version") == self.versions[uri])
-        found: list[dict[str, Any]] = self.told[uri]["diagnostics"]
-        return found
+        self.wait(lambda: self.published.get(uri, {}).get("version") == self.versions[uri])
+        diagnostics: list[dict[str, Any]] = self.published[uri]["diagnostics"]
+        return diagnostics
 
     def at(self, uri: str, method: str, offset: int, **more: Any) -> Any:
         """The answer to a request about a place."""
@@ -121,14 +121,14 @@ class Editor:
 
     def actions(self, uri: str, start: int, end: int, only: list[str] | None = None) -> Any:
         text = self.texts[uri]
-        given: dict[str, Any] = {"diagnostics": []}
+        context: dict[str, Any] = {"diagnostics": []}
         if only is not None:
-            given["only"] = only
+            context["only"] = only
         wanted = {"start": place(text, start), "end": place(text, end)}
         return (
             self.ask(
                 "textDocument/codeAction",
-                {"textDocument": {"uri": uri}, "range": wanted, "context": given},
+                {"textDocument": {"uri": uri}, "range": wanted, "context": context},
             )
             or []
         )
@@ -180,7 +180,7 @@ class Editor:
         if "method" not in message:
             self._answers[message["id"]] = message
         elif message["method"] == "textDocument/publishDiagnostics":
-            self.told[message["params"]["uri"]] = message["params"]
+            self.published[message["params"]["uri"]] = message["params"]
         else:
             self.notices.append(message)
             if "id" in message:
@@ -213,7 +213,7 @@ class Editor:
 @lru_cache(maxsize=4)
 def line_begins(text: str) -> list[int]:
     """Where the lines of a text begin."""
-    return [0, *(found.end() for found in re.finditer("\r\n|\r|\n", text))]
+    return [0, *(each.end() for each in re.finditer("\r\n|\r|\n", text))]
 
 
 def place(text: str, at: int) -> dict[str, int]:

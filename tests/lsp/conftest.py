@@ -15,11 +15,11 @@ def editor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Editor]:
     """One server for all tests that do not end it; each opens documents of its own."""
     pytest.importorskip("pygls", reason="gpsfsm lsp needs the extra lsp")
     root = tmp_path_factory.mktemp("plans")
-    with Editor(root, options={"plans": ["*/always/*"]}) as found:
-        yield found
-        assert found.end() == 0
-        assert found.process.stderr is not None
-        assert found.process.stderr.read() == b""
+    with Editor(root, options={"plans": ["*/always/*"]}) as client:
+        yield client
+        assert client.end() == 0
+        assert client.process.stderr is not None
+        assert client.process.stderr.read() == b""
 
 
 @pytest.fixture(scope="session")
@@ -27,6 +27,6 @@ def frugal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Editor]:
     """A server for an editor that can do little, and counts bytes."""
     pytest.importorskip("pygls", reason="gpsfsm lsp needs the extra lsp")
     bare = {"general": {"positionEncodings": ["utf-8", "utf-16"]}}
-    with Editor(tmp_path_factory.mktemp("frugal"), capabilities=bare) as found:
-        yield found
-        assert found.end() == 0
+    with Editor(tmp_path_factory.mktemp("frugal"), capabilities=bare) as client:
+        yield client
+        assert client.end() == 0

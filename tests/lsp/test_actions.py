@@ -26,8 +26,8 @@ def test_a_safe_fix_takes_its_finding_away_and_no_other(editor: Editor) -> None:
     uri = editor.open("safe.xml", WRONG)
     assert [each["code"] for each in editor.diagnostics(uri)] == rules(WRONG)
     at = WRONG.index("Sequential")
-    found = editor.actions(uri, at, at, ["quickfix"])
-    (fix,) = [action for action in found if action.get("isPreferred")]
+    actions = editor.actions(uri, at, at, ["quickfix"])
+    (fix,) = [action for action in actions if action.get("isPreferred")]
     assert fix["title"].startswith("GP106: ")
     assert fix["diagnostics"][0]["code"] == "GP106"
     after = editor.after(uri, fix["edit"])
@@ -38,8 +38,8 @@ def test_a_safe_fix_takes_its_finding_away_and_no_other(editor: Editor) -> None:
 def test_an_unsafe_fix_says_so(editor: Editor) -> None:
     uri = editor.open("unsafe.xml", BAD)
     at = BAD.index("<Control")
-    found = editor.actions(uri, at, at, ["quickfix"])
-    (fix,) = [action for action in found if "unsafe" in action["title"]]
+    actions = editor.actions(uri, at, at, ["quickfix"])
+    (fix,) = [action for action in actions if "unsafe" in action["title"]]
     assert "isPreferred" not in fix
     assert "GP307" in rules(BAD)
     assert "GP307" not in rules(editor.after(uri, fix["edit"]))
@@ -48,8 +48,8 @@ def test_an_unsafe_fix_says_so(editor: Editor) -> None:
 def test_a_comment_allows_a_finding(editor: Editor) -> None:
     uri = editor.open("allow.xml", BAD)
     at = BAD.index("<Control")
-    found = editor.actions(uri, at, at, ["quickfix"])
-    (allow,) = [action for action in found if "allow it here" in action["title"]]
+    actions = editor.actions(uri, at, at, ["quickfix"])
+    (allow,) = [action for action in actions if "allow it here" in action["title"]]
     after = editor.after(uri, allow["edit"])
     assert "  <!-- gpsfsm: ignore GP307 because ... -->\n  <Control" in after
     assert {"GP307", "GP905"} <= set(rules(after))  # before a reason is there it allows nothing
@@ -60,8 +60,8 @@ def test_a_comment_allows_a_finding(editor: Editor) -> None:
 def test_a_comment_at_an_attribute_stands_before_its_element(editor: Editor) -> None:
     uri = editor.open("inner.xml", BAD)
     at = BAD.index('x="viel')
-    found = editor.actions(uri, at, at, ["quickfix"])
-    (allow,) = [action for action in found if "allow it here" in action["title"]]
+    actions = editor.actions(uri, at, at, ["quickfix"])
+    (allow,) = [action for action in actions if "allow it here" in action["title"]]
     after = editor.after(uri, allow["edit"]).replace("because ...", "because it is fine")
     assert "GP205" not in rules(after)
 
@@ -95,8 +95,8 @@ def test_an_action_for_an_older_version_is_not_resolved(editor: Editor) -> None:
 
 def test_nothing_is_offered_where_nothing_is_wrong(editor: Editor) -> None:
     uri = editor.open("fine.xml", f"<Plan>{GO}</Plan>")
-    told = editor.diagnostics(uri)
-    assert all(each["severity"] > 1 for each in told)
+    diagnostics = editor.diagnostics(uri)
+    assert all(each["severity"] > 1 for each in diagnostics)
     assert editor.actions(uri, 2, 2, ["quickfix"]) == []
     assert editor.actions(uri, 0, 0, ["refactor"]) == []
 

@@ -27,8 +27,8 @@ BAD = f"""<Plan name="réunion 🤖">
 """
 
 
-def labels(found: Any) -> list[str]:
-    return [item["label"] for item in found["items"]]
+def labels(items: Any) -> list[str]:
+    return [item["label"] for item in items["items"]]
 
 
 def complete(editor: Editor, name: str, marked: str) -> tuple[str, Any]:
@@ -49,18 +49,18 @@ def file_of(location: Any) -> Path:
 
 
 def test_what_the_editor_is_told_at_first(editor: Editor) -> None:
-    told = editor.server["capabilities"]
-    assert told["positionEncoding"] == "utf-16"
-    assert told["textDocumentSync"]["change"] == 2
-    assert {"hoverProvider", "definitionProvider", "documentSymbolProvider"} <= told.keys()
+    capabilities = editor.server["capabilities"]
+    assert capabilities["positionEncoding"] == "utf-16"
+    assert capabilities["textDocumentSync"]["change"] == 2
+    assert {"hoverProvider", "definitionProvider", "documentSymbolProvider"} <= capabilities.keys()
 
 
 def test_diagnostics_are_the_findings_of_check(editor: Editor) -> None:
     uri = editor.open("findings.xml", BAD)
-    told = editor.diagnostics(uri)
+    diagnostics = editor.diagnostics(uri)
     findings = gpsfsm.check(BAD).plans[0].findings
-    assert [each["code"] for each in told] == [finding.rule for finding in findings] != []
-    for each, finding in zip(told, findings, strict=True):
+    assert [each["code"] for each in diagnostics] == [finding.rule for finding in findings] != []
+    for each, finding in zip(diagnostics, findings, strict=True):
         assert each["message"].startswith(finding.message)
         assert each["severity"] == {"error": 1, "warning": 2, "info": 3}[finding.severity]
         start = offset(BAD, each["range"]["start"])
@@ -79,9 +79,9 @@ def test_diagnostics_are_the_findings_of_check(editor: Editor) -> None:
 def test_columns_count_utf_16_units(editor: Editor) -> None:
     text = f"<Plan><!-- é 🤖🤖 -->{GO.replace('1.0', 'viel')}</Plan>"
     uri = editor.open("units.xml", text)
-    (found,) = [each for each in editor.diagnostics(uri) if each["code"] == "GP205"]
+    (actual,) = [each for each in editor.diagnostics(uri) if each["code"] == "GP205"]
     column = text.index("x=") + 2  # two of the characters before it are two units each
-    assert found["range"]["start"] == {"line": 0, "character": column}
+    assert actual["range"]["start"] == {"line": 0, "character": column}
 
 
 def test_what_never_runs_is_faded_and_a_finding_leads_to_its_page(editor: Editor) -> None:
@@ -95,12 +95,12 @@ def test_what_never_runs_is_faded_and_a_finding_leads_to_its_page(editor: Editor
 def test_hover_tells_the_finding_and_why(editor: Editor) -> None:
     uri = editor.open("hover.xml", BAD)
     editor.diagnostics(uri)
-    found = editor.at(uri, "textDocument/hover", BAD.index("<Control") + 2)["contents"]
-    assert found["kind"] == "markdown"
-    assert "**GP307 recovery-without-predecessor**" in found["value"]
-    assert "What to do: put the goal before the recovery" in found["value"]
-    assert "take a recovery for a list of alternatives" in found["value"]
-    assert CONTROLS["recovery"] in found["value"]
+    contents = editor.at(uri, "textDocument/hover", BAD.index("<Control") + 2)["contents"]
+    assert contents["kind"] == "markdown"
+    assert "**GP307 recovery-without-predecessor**" in contents["value"]
+    assert "What to do: put the goal before the recovery" in contents["value"]
+    assert "take a recovery for a list of alternatives" in contents["value"]
+    assert CONTROLS["recovery"] in contents["value"]
 
 
 def test_hover_tells_a_scenario(editor: Editor) -> None:
@@ -113,9 +113,9 @@ def test_hover_tells_a_scenario(editor: Editor) -> None:
     )
     assert scenario is not None
     editor.diagnostics(uri)
-    found = editor.at(uri, "textDocument/hover", text.index("<Control"))["contents"]["value"]
-    assert f"Scenario in which {scenario.ending}:" in found
-    assert f"1. {scenario.story[0]}" in found.replace("\\", "")
+    value = editor.at(uri, "textDocument/hover", text.index("<Control"))["contents"]["value"]
+    assert f"Scenario in which {scenario.ending}:" in value
+    assert f"1. {scenario.story[0]}" in value.replace("\\", "")
 
 
 def test_hover_describes_capabilities_and_parameters(editor: Editor) -> None:
@@ -159,18 +159,18 @@ def test_text_of_plans_is_no_markup(editor: Editor, text: str, mark: str) -> Non
 
 
 def test_elements_and_whole_runners_are_offered(editor: Editor) -> None:
-    uri, found = complete(editor, "elements.xml", "<Plan>\n  |\n</Plan>")
-    names = labels(found)
+    uri, items = complete(editor, "elements.xml", "<Plan>\n  |\n</Plan>")
+    names = labels(items)
     assert names[:3] == ["Control", "Runner", "/Plan"]
     assert "Runner WaypointRunner" in names
-    item = found["items"][names.index("Runner WaypointRunner")]
+    item = items["items"][names.index("Runner WaypointRunner")]
     assert gpsfsm.check(written(editor, uri, item)).plans[0].facts is not None
     assert f'<Runner interface="{WAYPOINT}"' in written(editor, uri, item)
 
 
 def test_a_tag_that_is_begun_is_completed_once(editor: Editor) -> None:
-    uri, found = complete(editor, "begun.xml", "<Plan>\n  <Ru|\n</Plan>")
-    item = found["items"][labels(found).index("Runner")]
+    uri, items = complete(editor, "begun.xml", "<Plan>\n  <Ru|\n</Plan>")
+    item = items["items"][labels(items).index("Runner")]
     assert item["insertTextFormat"] == 2
     assert "<<" not in written(editor, uri, item)
     assert '  <Runner interface="$1" provider="$2"$0/>\n' in written(editor, uri, item)
@@ -184,9 +184,9 @@ def test_a_tag_that_goes_on_gets_a_name_only(editor: Editor) -> None:
             ("<Plan></P|>", "<Plan></Plan>"),
         )
     ):
-        uri, found = complete(editor, f"goes-on-{number}.xml", marked)
-        assert written(editor, uri, found["items"][0]) == wanted
-        assert not [each for each in labels(found) if each.startswith("Runner ")]
+        uri, items = complete(editor, f"goes-on-{number}.xml", marked)
+        assert written(editor, uri, items["items"][0]) == wanted
+        assert not [each for each in labels(items) if each.startswith("Runner ")]
 
 
 def test_a_missing_quotation_mark_loses_nothing_behind_it(editor: Editor) -> None:
@@ -199,59 +199,59 @@ def test_a_missing_quotation_mark_loses_nothing_behind_it(editor: Editor) -> Non
             ),
         )
     ):
-        uri, found = complete(editor, f"quotes-{number}.xml", marked)
-        assert written(editor, uri, found["items"][0]) == wanted
+        uri, items = complete(editor, f"quotes-{number}.xml", marked)
+        assert written(editor, uri, items["items"][0]) == wanted
 
 
 def test_there_is_one_plan_in_a_document(editor: Editor) -> None:
-    _, found = complete(editor, "second.xml", "<Plan></Plan>\n|")
-    assert labels(found) == []
-    _, found = complete(editor, "first.xml", "<Plan|")
-    assert labels(found) == ["Plan"]
+    _, items = complete(editor, "second.xml", "<Plan></Plan>\n|")
+    assert labels(items) == []
+    _, items = complete(editor, "first.xml", "<Plan|")
+    assert labels(items) == ["Plan"]
 
 
 def test_an_end_tag_closes_what_is_open(editor: Editor) -> None:
-    uri, found = complete(editor, "end.xml", '<Plan><Control type="sequential"></|')
-    assert labels(found) == ["Control"]
-    assert written(editor, uri, found["items"][0]).endswith("</Control>")
+    uri, items = complete(editor, "end.xml", '<Plan><Control type="sequential"></|')
+    assert labels(items) == ["Control"]
+    assert written(editor, uri, items["items"][0]).endswith("</Control>")
 
 
 def test_control_types_and_interfaces_in_broken_text(editor: Editor) -> None:
-    _, found = complete(editor, "types.xml", '<Plan>\n<Control type="|\n<Runner ')
-    assert labels(found) == list(CONTROLS)
-    _, found = complete(editor, "interfaces.xml", '<Plan>\n<Runner interface="nav2|\n<Con')
-    assert WAYPOINT in labels(found)
-    assert all("documentation" in item for item in found["items"])
+    _, items = complete(editor, "types.xml", '<Plan>\n<Control type="|\n<Runner ')
+    assert labels(items) == list(CONTROLS)
+    _, items = complete(editor, "interfaces.xml", '<Plan>\n<Runner interface="nav2|\n<Con')
+    assert WAYPOINT in labels(items)
+    assert all("documentation" in item for item in items["items"])
 
 
 def test_providers_are_those_of_the_interface(editor: Editor) -> None:
-    _, found = complete(editor, "of.xml", f'<Plan><Runner interface="{WAYPOINT}" provider="|"/>')
-    assert labels(found) == [WAYPOINT]
+    _, items = complete(editor, "of.xml", f'<Plan><Runner interface="{WAYPOINT}" provider="|"/>')
+    assert labels(items) == [WAYPOINT]
 
 
 def test_parameters_are_offered_the_required_ones_first(editor: Editor) -> None:
     begun = f'<Plan><Runner interface="{WAYPOINT}" provider="{WAYPOINT}" y="1.0" |/></Plan>'
-    uri, found = complete(editor, "parameters.xml", begun)
-    names = labels(found)
+    uri, items = complete(editor, "parameters.xml", begun)
+    names = labels(items)
     assert names[0] == "x"
     assert "y" not in names
     assert "interface" not in names
-    assert found["items"][0]["detail"] == "double, required"
-    assert ' x="$1"/>' in written(editor, uri, found["items"][0])
-    order = [item["sortText"] for item in found["items"]]
+    assert items["items"][0]["detail"] == "double, required"
+    assert ' x="$1"/>' in written(editor, uri, items["items"][0])
+    order = [item["sortText"] for item in items["items"]]
     assert order == sorted(order)
 
 
 def test_values_of_booleans_are_offered(editor: Editor) -> None:
     speech = "perception_capabilities/SpeechRunner"
     begun = f'<Plan><Runner interface="{speech}" provider="{speech}" use_device="|'
-    _, found = complete(editor, "booleans.xml", begun)
-    assert labels(found) == ["true", "false"]
+    _, items = complete(editor, "booleans.xml", begun)
+    assert labels(items) == ["true", "false"]
 
 
 def test_nothing_is_offered_in_a_comment(editor: Editor) -> None:
-    _, found = complete(editor, "comment.xml", "<Plan><!-- <Runner | --></Plan>")
-    assert found is None
+    _, items = complete(editor, "comment.xml", "<Plan><!-- <Runner | --></Plan>")
+    assert items is None
 
 
 def test_definition_leads_to_the_built_in_file(editor: Editor) -> None:
@@ -262,10 +262,10 @@ def test_definition_leads_to_the_built_in_file(editor: Editor) -> None:
         (text.rindex(WAYPOINT), "providers", "name: WaypointRunner"),
         (text.index("y="), "providers", "name: y"),
     ):
-        found = editor.at(uri, "textDocument/definition", where)
-        file = file_of(found)
+        answer = editor.at(uri, "textDocument/definition", where)
+        file = file_of(answer)
         assert (file.parent.name, file.name) == (folder, "WaypointRunner.yaml")
-        assert words in file.read_text().splitlines()[found["range"]["start"]["line"]]
+        assert words in file.read_text().splitlines()[answer["range"]["start"]["line"]]
     assert editor.at(uri, "textDocument/definition", 2) is None
 
 
@@ -285,8 +285,8 @@ def test_the_outline_is_a_tree(editor: Editor) -> None:
 
 def test_an_outline_of_great_depth_is_cut(editor: Editor) -> None:
     uri = editor.open("deep.xml", "<Plan>" + '<Control type="sequential">' * 5_000)
-    found = editor.ask("textDocument/documentSymbol", {"textDocument": {"uri": uri}})
+    response = editor.ask("textDocument/documentSymbol", {"textDocument": {"uri": uri}})
     depth = 0
-    while found:
-        depth, found = depth + 1, found[0].get("children")
+    while response:
+        depth, response = depth + 1, response[0].get("children")
     assert depth == 100

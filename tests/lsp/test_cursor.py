@@ -64,24 +64,28 @@ def at(marked: str) -> Cursor:
     ],
 )
 def test_what_is_there(marked: str, where: Where, replaced: str, around: tuple[str, ...]) -> None:
-    found = at(marked)
+    position = at(marked)
     text = marked.replace("|", "", 1)
-    assert (found.where, text[found.start : found.end], found.open) == (where, replaced, around)
+    assert (position.where, text[position.start : position.end], position.open) == (
+        where,
+        replaced,
+        around,
+    )
 
 
 def test_the_tag_and_its_attributes_also_those_behind_the_cursor() -> None:
-    found = at('<Plan><Runner interface="a/A&amp;B" | provider="p/P" x="1"/>')
-    assert found.tag is not None
-    values = {name: found.tag.value(name) for name in found.tag.attributes}
+    position = at('<Plan><Runner interface="a/A&amp;B" | provider="p/P" x="1"/>')
+    assert position.tag is not None
+    values = {name: position.tag.value(name) for name in position.tag.attributes}
     assert values == {"interface": "a/A&B", "provider": "p/P", "x": "1"}
-    assert found.attribute is None
+    assert position.attribute is None
 
 
 def test_a_missing_quotation_mark_spoils_no_tag_but_its_own() -> None:
-    found = at('<Plan><Runner interface="a/A/>\n<Runner interface="|"/></Plan>')
-    assert found.where is Where.VALUE
-    assert found.tag is not None
-    assert found.tag.value("interface") == ""
+    position = at('<Plan><Runner interface="a/A/>\n<Runner interface="|"/></Plan>')
+    assert position.where is Where.VALUE
+    assert position.tag is not None
+    assert position.tag.value("interface") == ""
 
 
 @given(
@@ -90,9 +94,9 @@ def test_a_missing_quotation_mark_spoils_no_tag_but_its_own() -> None:
 )
 def test_any_text_has_something_everywhere(text: str, offset: int) -> None:
     offset = min(offset, len(text))
-    found = cursor_at(text, offset)
-    assert 0 <= found.start <= offset <= max(found.end, offset) <= len(text)
-    assert found.start <= found.end
+    cursor = cursor_at(text, offset)
+    assert 0 <= cursor.start <= offset <= max(cursor.end, offset) <= len(text)
+    assert cursor.start <= cursor.end
 
 
 def test_the_tag_around_a_place() -> None:

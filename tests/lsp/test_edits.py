@@ -35,13 +35,13 @@ def memory_kb(process: int) -> int:
 
 
 def children(process: int) -> list[int]:
-    found: list[int] = []
+    results: list[int] = []
     for task in Path(f"/proc/{process}/task").iterdir():
-        found += map(int, (task / "children").read_text().split())
-    return found
+        results += map(int, (task / "children").read_text().split())
+    return results
 
 
-def told(diagnostics: list[dict[str, Any]]) -> list[tuple[str, str, dict[str, int]]]:
+def summaries(diagnostics: list[dict[str, Any]]) -> list[tuple[str, str, dict[str, int]]]:
     return [(each["code"], each["message"], each["range"]["start"]) for each in diagnostics]
 
 
@@ -69,9 +69,11 @@ def test_a_thousand_edits(tmp_path: Path) -> None:
             editor.edit(uri, start, end, draw.choice(PIECES))
             if number % (EDITS // LOOKS) == 0:
                 text = editor.texts[uri]
-                found = gpsfsm.check(text.encode()).plans[0].findings
-                assert told(editor.diagnostics(uri)) == [wanted(text, each) for each in found]
-                looked += len(found)
+                findings = gpsfsm.check(text.encode()).plans[0].findings
+                assert summaries(editor.diagnostics(uri)) == [
+                    wanted(text, each) for each in findings
+                ]
+                looked += len(findings)
                 at = draw.randrange(len(text) + 1)
                 if text[at - 1 : at + 1] != "\r\n":
                     for method in ("completion", "hover", "definition"):

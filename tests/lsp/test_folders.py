@@ -57,12 +57,12 @@ def silent(editor: Editor, uri: str) -> bool:
     """Whether nothing is told of a document, although one that was opened later is."""
     last = editor.open("last.xml", PLAN)
     editor.diagnostics(last)
-    return uri not in editor.told
+    return uri not in editor.published
 
 
 def rechecked(editor: Editor, uri: str) -> list[str]:
     """The codes after a file beside the document was saved."""
-    del editor.told[uri]
+    del editor.published[uri]
     editor.tell("workspace/didChangeWatchedFiles", {"changes": []})
     return codes(editor, uri)
 
@@ -84,9 +84,9 @@ def test_the_configuration_of_the_folder_holds(own: Editor) -> None:
 def test_a_configuration_that_does_not_fit_is_told_and_nothing_is_checked(own: Editor) -> None:
     (own.root / "gpsfsm.toml").write_text("ignroe = []\n")
     uri = own.open("plan.xml", PLAN)
-    (found,) = own.diagnostics(uri)
-    assert "there is no key 'ignroe'" in found["message"]
-    assert found["severity"] == 1
+    (actual,) = own.diagnostics(uri)
+    assert "there is no key 'ignroe'" in actual["message"]
+    assert actual["severity"] == 1
     own.wait(lambda: own.notices)
     (notice,) = own.notices
     assert notice["method"] == "window/showMessage"
@@ -110,8 +110,8 @@ def test_capabilities_of_the_robot(own: Editor) -> None:
         (folder / "Grasp.yaml").write_text(text)
     (own.root / "gpsfsm.toml").write_text('capabilities = ["robot"]\n')
     begun = '<Plan><Runner interface="arm/Grasp" provider="arm/Grasp" hand="|"/></Plan>'
-    uri, found = complete(own, "plan.xml", begun)
-    assert labels(found) == ["left", "right"]
+    uri, items = complete(own, "plan.xml", begun)
+    assert labels(items) == ["left", "right"]
     text = own.texts[uri]
     at = text.index("hand")
     assert "Which hand." in own.at(uri, "textDocument/hover", at)["contents"]["value"]
@@ -172,7 +172,7 @@ def test_closing_a_document_takes_its_findings_away(own: Editor) -> None:
     uri = own.open("plan.xml", PLAN)
     assert codes(own, uri)
     own.tell("textDocument/didClose", {"textDocument": {"uri": uri}})
-    own.wait(lambda: own.told[uri]["diagnostics"] == [])
+    own.wait(lambda: own.published[uri]["diagnostics"] == [])
     assert own.at(uri, "textDocument/hover", 0) is None
 
 
@@ -180,8 +180,8 @@ def test_an_editor_that_counts_bytes(frugal: Editor) -> None:
     assert frugal.server["capabilities"]["positionEncoding"] == "utf-8"
     text = f"<Plan><!-- é🤖 -->{GO.replace('1.0', 'viel')}</Plan>"
     uri = frugal.open("bytes.xml", text)
-    (found,) = [each for each in frugal.diagnostics(uri) if each["code"] == "GP205"]
-    assert found["range"]["start"]["character"] == len(text[: text.index("x=")].encode())
+    (actual,) = [each for each in frugal.diagnostics(uri) if each["code"] == "GP205"]
+    assert actual["range"]["start"]["character"] == len(text[: text.index("x=")].encode())
 
 
 def test_an_editor_without_markdown_and_places_for_the_cursor(frugal: Editor) -> None:
@@ -191,6 +191,6 @@ def test_an_editor_without_markdown_and_places_for_the_cursor(frugal: Editor) ->
         "kind": "plaintext",
         "value": "<Plan>\n\nThe whole plan. Its children run one after the other.",
     }
-    found = frugal.at(uri, "textDocument/completion", len("<Plan>"))["items"]
-    assert found[0]["textEdit"]["newText"] == '<Control type=""></Control>'
-    assert found[0]["documentation"]["kind"] == "plaintext"
+    items = frugal.at(uri, "textDocument/completion", len("<Plan>"))["items"]
+    assert items[0]["textEdit"]["newText"] == '<Control type=""></Control>'
+    assert items[0]["documentation"]["kind"] == "plaintext"

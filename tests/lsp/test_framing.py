@@ -27,13 +27,13 @@ def read_all(content: bytes, piece: int = 1 << 16) -> tuple[list[bytes], list[st
 
     notes: list[str] = []
     reader = Framed(Pieces(content), notes.append)  # type: ignore[arg-type]
-    found = []
+    results = []
     while line := reader.readline():
         length = int(line.removeprefix(b"Content-Length: "))
         assert reader.readline() == b"\r\n"
-        found.append(reader.read(length))
-        assert len(found[-1]) == length
-    return found, notes
+        results.append(reader.read(length))
+        assert len(results[-1]) == length
+    return results, notes
 
 
 @pytest.mark.parametrize("piece", [1, 7, 1 << 16])
@@ -58,8 +58,8 @@ def test_the_next_message_is_read(bad: bytes, piece: int) -> None:
 def test_a_message_that_is_too_long_is_passed_over_whole() -> None:
     long = MOST_BYTES + 1
     content = b"Content-Length: %d\r\n\r\n" % long + b"x" * long + framed(b"{2}")
-    found, notes = read_all(content, 1 << 20)
-    assert found == [b"{2}"]
+    documents, notes = read_all(content, 1 << 20)
+    assert documents == [b"{2}"]
     assert notes == ["a message of 67,108,865 bytes is passed over: it is too long"]
 
 

@@ -28,7 +28,7 @@ def test_there_are_such_rules() -> None:
 def test_what_fix_can_mend_is_offered_and_takes_the_finding_away(rule: Rule) -> None:
     options = CheckOptions()
     report = check_text(rule.bad, "plan.xml", options)
-    finding = next(found for found in report.findings if found.rule == rule.code)
+    finding = next(one for one in report.findings if one.rule == rule.code)
     offered = proved(rule.bad, "plan.xml", finding, options)
     done = [each for each in fix_text(rule.bad, unsafe=True).applied if each.rule == rule.code]
     assert bool(offered) == bool(done)

@@ -30,8 +30,8 @@ def test_from_the_first_message_to_the_last(tmp_path: Path) -> None:
         assert editor.answer("initialize", editor.greeting())["error"]["code"] == -32600
         uri = editor.open("plan.xml", BAD)  # before "initialized": some editors do that
         editor.tell("initialized", {})
-        found = [each["code"] for each in editor.diagnostics(uri)]
-        assert found == [each.rule for each in gpsfsm.check(BAD).plans[0].findings]
+        codes = [each["code"] for each in editor.diagnostics(uri)]
+        assert codes == [each.rule for each in gpsfsm.check(BAD).plans[0].findings]
         editor.ask("shutdown", None)
         assert editor.answer(HOVER, place)["error"]["code"] == -32600
         editor.tell("exit", None)

@@ -48,7 +48,7 @@ def test_a_slow_plan_keeps_nobody_waiting(own: Editor) -> None:
     hover = own.at(other, "textDocument/hover", FINE.index("x="))
     assert "along the x axis" in hover["contents"]["value"]
     time.sleep(0.5)
-    assert uri not in own.told  # it is being checked, and ended once it has taken 2 s
+    assert uri not in own.published  # it is being checked, and ended once it has taken 2 s
     own.edit(uri, 0, len(own.texts[uri]), FINE)
     began = time.monotonic()
     assert [each["code"] for each in own.diagnostics(uri)] == rules(FINE)
@@ -97,12 +97,12 @@ def test_nothing_is_left_when_the_editor_goes_away(own: Editor, killed: bool) ->
 
 def alive(processes: list[int]) -> list[int]:
     """Those that run; one that has ended may wait for its parent to ask how."""
-    found = []
+    results = []
     for each in processes:
         with suppress(OSError):
             if Path(f"/proc/{each}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
-                found.append(each)
-    return found
+                results.append(each)
+    return results
 
 
 def test_a_check_that_takes_too_long_is_ended() -> None:
@@ -112,8 +112,8 @@ def test_a_check_that_takes_too_long_is_ended() -> None:
     try:
         apart.do(Job("warm"))
         apart._kept.timeout_s = 0.2
-        found = apart.do(Job("check", slow_plan(), "slow.xml"), setting)
-        assert found == Lost("was ended: it took more than 0.2 s", late=True)
+        response = apart.do(Job("check", slow_plan(), "slow.xml"), setting)
+        assert response == Lost("was ended: it took more than 0.2 s", late=True)
         apart._kept.timeout_s = 30.0
         report = apart.do(Job("check", FINE, "plan.xml"), setting)
         assert report == check_text(FINE, "plan.xml", slow)

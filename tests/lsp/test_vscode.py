@@ -74,14 +74,16 @@ def test_it_starts_the_server_and_stops_it(broken: str) -> None:
         text=True,
         check=True,
     )
-    told = json.loads(done.stdout)
-    (made,) = [each for each in told if isinstance(each, dict)]
+    document = json.loads(done.stdout)
+    (made,) = [each for each in document if isinstance(each, dict)]
     defaults = MANIFEST["contributes"]["configuration"]["properties"]
     command = [made["server"]["command"], *made["server"]["args"]]
     assert command == defaults["gpsfsm.command"]["default"] == ["gpsfsm", "lsp"]
     assert made["client"]["initializationOptions"] == {"plans": ["plans/*.xml"]}
     assert {"language": "xml", "scheme": "file"} in made["client"]["documentSelector"]
     if broken:
-        assert any("pip install 'gpsfsm[lsp]'" in each for each in told if isinstance(each, str))
+        assert any(
+            "pip install 'gpsfsm[lsp]'" in each for each in document if isinstance(each, str)
+        )
     else:
-        assert told[-2:] == ["started", "stopped"]
+        assert document[-2:] == ["started", "stopped"]

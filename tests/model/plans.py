@@ -20,8 +20,8 @@ class PlanBuilder:
         return self._add(Kind.CONTROL, parent, attributes, kind)
 
     def runner(self, parent: int, interface: str, provider: str = "", **parameters: Value) -> int:
-        given: dict[str, Value] = {"interface": interface, "provider": provider, **parameters}
-        return self._add(Kind.RUNNER, parent, given, None)
+        values: dict[str, Value] = {"interface": interface, "provider": provider, **parameters}
+        return self._add(Kind.RUNNER, parent, values, None)
 
     def _add(
         self, kind: Kind, parent: int, attributes: dict[str, Value], control: ControlType | None

@@ -37,9 +37,9 @@ def of(provider: Provider, attributes: str = "") -> Binding:
     plan = plan_of(
         f'<Plan><Runner interface="arm/Grasp" provider="arm/Grasp" {attributes}/></Plan>'
     )
-    found = library.bind(plan.runners[0])
-    assert found is not None
-    return found
+    binding = library.bind(plan.runners[0])
+    assert binding is not None
+    return binding
 
 
 def test_parameters_are_found_by_alias_and_inputs_are_not() -> None:

@@ -50,8 +50,8 @@ def graphviz(text: str) -> dict[str, object]:
         ["dot", "-Tdot_json"], input=text.encode(), capture_output=True, check=True, timeout=60
     )
     assert done.stderr == b""
-    found: dict[str, object] = json.loads(done.stdout)
-    return found
+    document: dict[str, object] = json.loads(done.stdout)
+    return document
 
 
 def dot_tokens(text: str) -> list[str]:
@@ -107,20 +107,20 @@ class TestDot:
     @pytest.mark.parametrize("text", HOSTILE)
     def test_hostile_labels_change_nothing_but_labels(self, text: str) -> None:
         expected = without_strings(dot_tokens(automaton_to_dot(single("plain", a="plain"))))
-        found = dot_tokens(automaton_to_dot(single(text, a=text)))
-        assert without_strings(found) == expected
+        tokens = dot_tokens(automaton_to_dot(single(text, a=text)))
+        assert without_strings(tokens) == expected
 
     @given(ANY_TEXT)
     def test_any_text_stays_inside_its_quotes(self, text: str) -> None:
         expected = without_strings(dot_tokens(automaton_to_dot(single("plain", a="plain"))))
-        found = dot_tokens(automaton_to_dot(single(text or "x", a=text)))
-        assert without_strings(found) == expected
+        tokens = dot_tokens(automaton_to_dot(single(text or "x", a=text)))
+        assert without_strings(tokens) == expected
 
     @needs_graphviz
     def test_graphviz_reads_the_tour(self) -> None:
-        found = graphviz(automaton_to_dot(tour()))
-        edges = found["edges"]
-        objects = found["objects"]
+        drawn = graphviz(automaton_to_dot(tour()))
+        edges = drawn["edges"]
+        objects = drawn["objects"]
         assert isinstance(edges, list)
         assert isinstance(objects, list)
         assert len(edges) == len(tour().edges) + 2  # two open ends
@@ -131,8 +131,8 @@ class TestDot:
     @given(ANY_TEXT)
     @settings(max_examples=many(25), deadline=None)
     def test_graphviz_reads_any_text(self, text: str) -> None:
-        found = graphviz(automaton_to_dot(single(text or "x", a=text)))
-        objects = found["objects"]
+        drawn = graphviz(automaton_to_dot(single(text or "x", a=text)))
+        objects = drawn["objects"]
         assert isinstance(objects, list)
         names = sorted(thing["name"] for thing in objects)
         assert names == ["cluster_1", "n0", "n1", "n2", "n3", "open1_FAILED"]
@@ -177,18 +177,20 @@ class TestMermaid:
 class TestJson:
     def test_nodes_and_edges_are_complete(self) -> None:
         automaton = tour()
-        found = json.loads(automaton_to_json(automaton))
-        assert [node["index"] for node in found["nodes"]] == list(range(14))
-        assert [(edge["source"], edge["event"], edge["target"]) for edge in found["edges"]] == [
+        document = json.loads(automaton_to_json(automaton))
+        assert [node["index"] for node in document["nodes"]] == list(range(14))
+        assert [(edge["source"], edge["event"], edge["target"]) for edge in document["edges"]] == [
             (edge.source, edge.event.value, edge.target) for edge in automaton.edges
         ]
-        assert (found["complete"], found["give_up"]) == (12, 13)
-        assert found["nodes"][1]["parameters"] == {"x": 1.5, "y": 2, "frame": "map"}
-        assert found["nodes"][7]["need"] == 2
+        assert (document["complete"], document["give_up"]) == (12, 13)
+        assert document["nodes"][1]["parameters"] == {"x": 1.5, "y": 2, "frame": "map"}
+        assert document["nodes"][7]["need"] == 2
 
     def test_values_that_json_does_not_know_are_text(self) -> None:
-        found = json.loads(automaton_to_json(single("x", a=float("inf"), b=float("nan"), c=True)))
-        assert found["nodes"][1]["parameters"] == {"a": "inf", "b": "nan", "c": True}
+        document = json.loads(
+            automaton_to_json(single("x", a=float("inf"), b=float("nan"), c=True))
+        )
+        assert document["nodes"][1]["parameters"] == {"a": "inf", "b": "nan", "c": True}
 
     def test_an_automaton_without_edges(self) -> None:
         nodes = (

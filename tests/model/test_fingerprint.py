@@ -57,18 +57,18 @@ def test_what_the_plan_asks_for_does(old, new):
     assert fingerprint(PLAN.replace(old, new)) != fingerprint(PLAN)
 
 
-def _told(plan):
+def _nested(plan):
     """The same by other means: nested tuples."""
 
     def element(index):
-        found = plan.elements[index]
+        result = plan.elements[index]
         attributes = {
             one.name: one.text
-            for one in found.attributes
-            if found.kind is Kind.RUNNER and one.name not in ("name", "id")
+            for one in result.attributes
+            if result.kind is Kind.RUNNER and one.name not in ("name", "id")
         }
-        children = tuple(map(element, found.children))
-        return found.kind, found.control_type, tuple(sorted(attributes.items())), children
+        children = tuple(map(element, result.children))
+        return result.kind, result.control_type, tuple(sorted(attributes.items())), children
 
     return element(0)
 
@@ -76,5 +76,5 @@ def _told(plan):
 @given(strategies.plans(), strategies.plans())
 def test_two_plans_have_the_same_exactly_if_they_are(one, two):
     first, second = plan_of(to_xml(one)), plan_of(to_xml(two))
-    prints = [compile_plan(found).automaton.fingerprint for found in (first, second)]
-    assert (prints[0] == prints[1]) == (_told(first) == _told(second))
+    prints = [compile_plan(each).automaton.fingerprint for each in (first, second)]
+    assert (prints[0] == prints[1]) == (_nested(first) == _nested(second))

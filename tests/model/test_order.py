@@ -12,9 +12,9 @@ from tests.strategies import plans
 
 @given(plans())
 def test_every_node_comes_after_those_that_its_inputs_come_from(whole: P) -> None:
-    found = parse(to_xml(whole)).plan
-    assert found is not None
-    automaton = compile_plan(found).automaton
+    plan = parse(to_xml(whole)).plan
+    assert plan is not None
+    automaton = compile_plan(plan).automaton
     places = {node: place for place, node in enumerate(automaton.order)}
     assert sorted(places) == list(range(len(automaton.nodes)))
     assert all(places[source] < places[target] for source, _, target in automaton.edges)

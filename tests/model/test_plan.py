@@ -46,14 +46,14 @@ LABELS = ("name", "id", "provider")
 
 
 def runner(interface: str, attributes: Attributes) -> Element:
-    given_: Attributes = {"interface": interface, **attributes}
+    value: Attributes = {"interface": interface, **attributes}
     return Element(
         index=1,
         kind=Kind.RUNNER,
         parent=0,
         ordinal=1,
         children=(),
-        attributes=tuple(Attribute(name, str(v), v, 1, 1) for name, v in given_.items()),
+        attributes=tuple(Attribute(name, str(v), v, 1, 1) for name, v in value.items()),
         line=1,
         column=1,
         start=0,

@@ -45,7 +45,7 @@ def main(words: Sequence[str] | None = None) -> int:
     if chosen.results is not None and chosen.results.exists():
         results = json.loads(chosen.results.read_text(encoding="utf-8"))
     if chosen.again:
-        results = {name: found for name, found in results.items() if found != "survived"}
+        results = {name: each for name, each in results.items() if each != "survived"}
     of_each = of_rules(chosen.seed, chosen.each_rule)
     if chosen.rule is not None:
         of_each = [(code, mutant) for code, mutant in of_each if code in chosen.rule]
@@ -61,13 +61,13 @@ def main(words: Sequence[str] | None = None) -> int:
             chosen.jobs, multiprocessing.get_context("spawn"), start, (folder,)
         ) as pool,
     ):
-        asked = [pool.submit(judged, code, mutant, until) for mutant, code in todo.items()]
-        for answer in as_completed(asked):
-            mutant, found, seconds = answer.result()
-            if found:
-                results[str(mutant)] = found
-                print(f"{found:9} {seconds:6.1f} s  {mutant}", flush=True)
-            if found and chosen.results is not None:
+        futures = [pool.submit(judged, code, mutant, until) for mutant, code in todo.items()]
+        for answer in as_completed(futures):
+            mutant, status, seconds = answer.result()
+            if status:
+                results[str(mutant)] = status
+                print(f"{status:9} {seconds:6.1f} s  {mutant}", flush=True)
+            if status and chosen.results is not None:
                 chosen.results.write_text(json.dumps(results, indent=1), encoding="utf-8")
     text = report(results, of_each, drawn, len(everything))
     print(text)

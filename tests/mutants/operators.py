@@ -56,8 +56,8 @@ class Mutant:
 
 def mutants_of(file: str, source: str) -> list[Mutant]:
     """All mutants of a module, in the order of its syntax tree."""
-    found = _sites(ast.parse(source))
-    return [Mutant(file, line, number, said) for number, (line, said, _) in enumerate(found)]
+    sites = _sites(ast.parse(source))
+    return [Mutant(file, line, number, said) for number, (line, said, _) in enumerate(sites)]
 
 
 def planted(source: str, mutant: Mutant) -> str:
@@ -73,16 +73,16 @@ _Site = tuple[int, str, "Callable[[], None]"]
 
 
 def _sites(tree: ast.Module) -> list[_Site]:
-    found: list[_Site] = []
+    results: list[_Site] = []
     # A stack, in reverse: nodes come in the order of the text.
     todo: list[ast.AST] = [tree]
     while todo:
         node = todo.pop()
         if _for_type_checkers(node):
             continue
-        found += _of(node)
+        results += _of(node)
         todo += reversed(_below(node))
-    return found
+    return results
 
 
 def _for_type_checkers(node: ast.AST) -> bool:
@@ -156,9 +156,9 @@ def _of_constant(node: ast.Constant) -> Iterator[_Site]:
         yield node.lineno, said, lambda: setattr(node, "value", not value)
     elif isinstance(value, int):
         yield node.lineno, f"{value} becomes {value + 1}", lambda: setattr(node, "value", value + 1)
-    elif isinstance(value, str) and (found := _FORMULA_START.match(value)):
-        new = _FORMULA[found[0]] + value[found.end() :]
-        yield node.lineno, f"{found[0]} becomes {new[:4]}", lambda: setattr(node, "value", new)
+    elif isinstance(value, str) and (match := _FORMULA_START.match(value)):
+        new = _FORMULA[match[0]] + value[match.end() :]
+        yield node.lineno, f"{match[0]} becomes {new[:4]}", lambda: setattr(node, "value", new)
 
 
 def _of_formula(node: ast.JoinedStr) -> Iterator[_Site]:

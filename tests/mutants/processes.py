@@ -26,5 +26,5 @@ def start(folder: str) -> None:
 def judged(code: str, mutant: Mutant, until: float) -> tuple[Mutant, str, float]:
     """A mutant, what became of it, and the seconds; nothing after the time ``until``."""
     began = time.time()
-    found = _JUDGES[0].judge(mutant, code) if began < until else ""
-    return mutant, found, time.time() - began
+    result = _JUDGES[0].judge(mutant, code) if began < until else ""
+    return mutant, result, time.time() - began

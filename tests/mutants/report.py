@@ -48,7 +48,7 @@ def report(
 
 
 def _row(name: str, ends: Iterable[str]) -> str:
-    found = list(ends)
-    killed, limit, left = (found.count(end) for end in (KILLED, TIMED_OUT, SURVIVED))
-    share = 100 * (killed + limit) / max(len(found), 1)
-    return f"| {name} | {len(found)} | {killed} | {limit} | {left} | {share:.1f} % |"
+    result = list(ends)
+    killed, limit, left = (result.count(end) for end in (KILLED, TIMED_OUT, SURVIVED))
+    share = 100 * (killed + limit) / max(len(result), 1)
+    return f"| {name} | {len(result)} | {killed} | {limit} | {left} | {share:.1f} % |"

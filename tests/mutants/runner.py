@@ -56,27 +56,27 @@ class Judge:
         """What becomes of a mutant; ``code``: the rule whose finding it harms."""
         file = self._copy / mutant.file
         source = file.read_text(encoding="utf-8")
-        found = SURVIVED
+        failed = SURVIVED
         for tests in suites_of(mutant.file, code):
             took_s = self._baseline(tests)
             if took_s is None:
                 continue
             try:
                 file.write_text(planted(source, mutant), encoding="utf-8")
-                found, _ = run_tests(self._copy, tests, limit_s=max(20, 4 * int(took_s) + 1))
+                failed, _ = run_tests(self._copy, tests, limit_s=max(20, 4 * int(took_s) + 1))
             finally:
                 file.write_text(source, encoding="utf-8")
-            if found != SURVIVED:
+            if failed != SURVIVED:
                 break
-        return found
+        return failed
 
     def _baseline(self, tests: tuple[str, ...]) -> float | None:
         """The processor time of the tests; None if they fail without any mutant."""
         if tests not in self._took_s:
-            found, seconds = run_tests(self._copy, tests, limit_s=600)
-            if found != SURVIVED:
+            failed, seconds = run_tests(self._copy, tests, limit_s=600)
+            if failed != SURVIVED:
                 print(f"left out, for they fail without a mutant: {' '.join(tests)}", flush=True)
-            self._took_s[tests] = seconds if found == SURVIVED else None
+            self._took_s[tests] = seconds if failed == SURVIVED else None
             print(f"without a mutant {seconds:.0f} s of processor time: {tests[0]}", flush=True)
         return self._took_s[tests]
 
@@ -95,8 +95,8 @@ def run_tests(copy: Path, words: Sequence[str], *, limit_s: int) -> tuple[str, f
     _, status, usage = os.wait4(child, 0)
     code = os.waitstatus_to_exitcode(status)
     # 5: no test was selected; a process over its limit is killed by SIGKILL or SIGXCPU
-    found = SURVIVED if code in (0, 5) else TIMED_OUT if code < 0 else KILLED
-    return found, usage.ru_utime + usage.ru_stime
+    result = SURVIVED if code in (0, 5) else TIMED_OUT if code < 0 else KILLED
+    return result, usage.ru_utime + usage.ru_stime
 
 
 def _child(copy: Path, words: Sequence[str]) -> None:

@@ -23,7 +23,7 @@ __all__ = ["ROOT", "of_rules", "over_analysis", "rules"]
 ROOT = Path(__file__).resolve().parents[2]
 _PACKAGE = ROOT / "gpsfsm"
 _TEXTS = re.compile(
-    r"words|examples|messages|__init__|rules/names|rules/missing|/limits|explain_|/gp[1689]xx_|gp7xx_engines"
+    r"words|examples|messages|__init__|rules/names|rules/missing|/limits|explain_|/gp[1689]xx_"
 )
 _REPORTING = (
     "checking/check.py",
@@ -45,9 +45,9 @@ def _everything() -> tuple[Mutant, ...]:
 
 def over_analysis(seed: int) -> list[Mutant]:
     """All mutants of analysis/ in an order drawn by a seed; modules of texts are left out."""
-    found = list(_everything())
-    Random(seed).shuffle(found)  # noqa: S311  (a sample, no secret)
-    return found
+    result = list(_everything())
+    Random(seed).shuffle(result)  # noqa: S311  (a sample, no secret)
+    return result
 
 
 def rules() -> dict[str, str]:
@@ -85,14 +85,14 @@ def of_rules(seed: int, each: int) -> list[tuple[str, Mutant]]:
 
     That is the rule's module, or the code around each place that reports the rule.
     """
-    found: list[tuple[str, Mutant]] = []
+    results: list[tuple[str, Mutant]] = []
     for code, file in rules().items():
         mutants = (
             (file and _of_rule(code, file)) or tuple(_where_reported(code)) or tuple(_near(code))
         )
         drawn = Random(f"{seed} {code}").sample(mutants, len(mutants))  # noqa: S311
-        found += [(code, mutant) for mutant in _spread(drawn)[:each]]
-    return found
+        results += [(code, mutant) for mutant in _spread(drawn)[:each]]
+    return results
 
 
 def _modules(folder: str) -> list[str]:

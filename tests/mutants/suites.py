@@ -21,7 +21,7 @@ _TIME = (
     f"{_A}/rules/test_gp501_overlaps.py",
     f"{_A}/test_clock_oracle.py",
 )
-_KNOWN = (
+_DESCRIBED = (
     f"{_A}/test_capability_facts.py",
     f"{_A}/test_capability_scenarios.py",
     f"{_A}/test_prompt_oracle.py",
@@ -64,13 +64,13 @@ _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"rules/gp7|on_engine", (*_ENGINES, *_CONTROL[:1])),
     (r"rules/limits", (*_TIME, *_WORDS)),
     (r"rules/gp[68]", (*_GRADING, *_WORDS)),
-    (r"rules/(gp[24]|names|missing)", (f"{_A}/rules", *_KNOWN)),
+    (r"rules/(gp[24]|names|missing)", (f"{_A}/rules", *_DESCRIBED)),
     (r"rules/gp5", (f"{_A}/rules", *_TIME)),
     (r"rules/", (f"{_A}/rules", *_WORDS, _CONTROL[1])),
-    (r"timing/|decisions/(overlaps|makespan|energy|loading)", (*_TIME, *_KNOWN, _TREES)),
-    (r"data_flow", (f"{_A}/rules/test_gp40x_values.py", *_FLOW, *_KNOWN)),
-    (r"analysis/flow|decisions/prompts", (*_FLOW, *_KNOWN)),
-    (r"causes", (*_CONTROL, *_PROMPTS, *_FLOW, *_KNOWN)),
+    (r"timing/|decisions/(overlaps|makespan|energy|loading)", (*_TIME, *_DESCRIBED, _TREES)),
+    (r"data_flow", (f"{_A}/rules/test_gp40x_values.py", *_FLOW, *_DESCRIBED)),
+    (r"analysis/flow|decisions/prompts", (*_FLOW, *_DESCRIBED)),
+    (r"causes", (*_CONTROL, *_PROMPTS, *_FLOW, *_DESCRIBED)),
     (r"words", (*_WORDS, f"{_A}/rules")),
     (r"analysis/(claims|context|paths)", (*_PROMPTS, *_REST)),
     (r"", _REST),

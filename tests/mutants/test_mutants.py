@@ -34,8 +34,8 @@ def first(values: list[int], most: int = 3) -> bool:
 
 
 def test_the_changes_of_a_small_module() -> None:
-    found = mutants_of("m.py", SOURCE)
-    assert [(each.line, each.change) for each in found] == [
+    mutants = mutants_of("m.py", SOURCE)
+    assert [(each.line, each.change) for each in mutants] == [
         (8, "a filter is left out"),
         (8, "Lt becomes LtE"),
         (9, "the condition is negated"),
@@ -49,8 +49,8 @@ def test_the_changes_of_a_small_module() -> None:
         (11, "IsNot becomes Is"),
         (11, "(and becomes (or "),
     ]
-    texts = [planted(SOURCE, each) for each in found]
-    assert len(set(texts)) == len(found)
+    texts = [planted(SOURCE, each) for each in mutants]
+    assert len(set(texts)) == len(mutants)
     assert "if value < most" not in texts[0]
     assert "if found or" in texts[4]
     assert "(or {most} x)" in texts[-1]
@@ -59,10 +59,10 @@ def test_the_changes_of_a_small_module() -> None:
 def test_every_mutant_of_a_module_is_another_module() -> None:
     name = "analysis/decisions/stuck.py"
     source = (REPO / name).read_text(encoding="utf-8")
-    found = mutants_of(name, source)
-    texts = {planted(source, each) for each in found}
-    assert len(found) > 5
-    assert len(texts) == len(found)
+    mutants = mutants_of(name, source)
+    texts = {planted(source, each) for each in mutants}
+    assert len(mutants) > 5
+    assert len(texts) == len(mutants)
 
 
 @pytest.mark.campaign
@@ -78,11 +78,11 @@ def test_the_samples_are_functions_of_the_seed() -> None:
 
 
 def test_every_rule_has_defects_where_it_is_found() -> None:
-    found = of_rules(1, 2)
-    codes = [code for code, _ in found]
+    kept = of_rules(1, 2)
+    codes = [code for code, _ in kept]
     assert sorted(set(codes)) == [rule.code for rule in all_rules()] == list(rules())
     assert max(map(codes.count, codes)) == 2
-    places = {code: mutant.file for code, mutant in found}
+    places = {code: mutant.file for code, mutant in kept}
     assert places["GP302"] == "analysis/rules/gp302_dangling_failure.py"
     assert places["GP112"] == "gpsfsm/syntax/elements.py"
     assert places["GP604"] == "gpsfsm/tasks/steps.py"

@@ -20,7 +20,7 @@ from gpsfsm.checking.machine_check import tied
 from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED, Instants
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.compile.tree_machine import machine_of_tree
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.report import Frequency
 from gpsfsm.syntax.source import DEFAULT_LIMITS
 from gpsfsm.syntax.trees import read_trees

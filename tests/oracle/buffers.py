@@ -15,41 +15,41 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Prompting:
-    """An instance that prompts: ``known_*`` tells whether nothing else may arrive under the name.
+    """An instance that prompts: ``fixed_*`` tells whether nothing else may arrive under the name.
 
     ``uuid`` None: without a uuid, or with an empty one.
     """
 
     path: str
-    known_uuid: bool
+    fixed_uuid: bool
     uuid: str | None
-    known_flush: bool
+    fixed_flush: bool
     flush: bool
 
     def may_have(self, uuid: str | None) -> bool:
-        return uuid is not None and (not self.known_uuid or self.uuid == uuid)
+        return uuid is not None and (not self.fixed_uuid or self.uuid == uuid)
 
     @property
-    def known(self) -> bool:
-        return self.known_uuid and self.known_flush
+    def fixed(self) -> bool:
+        return self.fixed_uuid and self.fixed_flush
 
 
 def prompting(world: World) -> list[Prompting]:
     """The instances that prompt, reachable or not."""
-    found = [_prompting(instance) for instance in world.instances]
-    return [one for one in found if one is not None]
+    actual = [_prompting(instance) for instance in world.instances]
+    return [one for one in actual if one is not None]
 
 
 def _prompting(instance: Instance) -> Prompting | None:
-    if instance.known is None or instance.known.prompt is None:
+    if instance.described is None or instance.described.prompt is None:
         return None
-    prompt = instance.known.prompt
+    prompt = instance.described.prompt
     uuid = instance.works_with(prompt.uuid)
     return Prompting(
         path=instance.path,
-        known_uuid=not instance.unknown(prompt.uuid),
+        fixed_uuid=not instance.unknown(prompt.uuid),
         uuid=_text(uuid) or None,
-        known_flush=not instance.unknown(prompt.flush),
+        fixed_flush=not instance.unknown(prompt.flush),
         flush=_text(instance.works_with(prompt.flush)) == "true",
     )
 
@@ -72,7 +72,7 @@ def effects(run: Run, prompts: list[Prompting]) -> set[tuple[str, ...]]:
     node = {runner.path: runner for runner in system.graph.runners}
     # A flush counts once it is tried, whatever its outcome; a fill has to succeed.
     has_effect = {one.path for one in prompts if one.flush or run.scenario[one.path] == SUCCEEDED}
-    found: set[tuple[str, ...]] = set()
+    results: set[tuple[str, ...]] = set()
     begin: tuple[frozenset[str], tuple[str, ...]] = (frozenset(), ())
     todo, seen = [begin], {begin}
     while todo:
@@ -87,62 +87,62 @@ def effects(run: Run, prompts: list[Prompting]) -> set[tuple[str, ...]]:
             elif run.scenario[path] != "HANG":
                 following.append((delivered | {path}, so_far))
         if not following:
-            found.add(so_far)
+            results.add(so_far)
         for state in following:
             if state not in seen:
                 seen.add(state)
                 todo.append(state)
-    return found
+    return results
 
 
 def unflushed(world: World) -> set[str]:
     """The fills that, in some run that completes, no flush of their buffer is tried after."""
     prompts = prompting(world)
-    asked = [
+    partners = [
         (fill, {one.path for one in prompts if one.flush and one.may_have(fill.uuid)})
         for fill in prompts
-        if fill.known
+        if fill.fixed
         and not fill.flush
         and not any(
-            not other.known and (other.flush or not other.known_flush) and other.may_have(fill.uuid)
+            not other.fixed and (other.flush or not other.fixed_flush) and other.may_have(fill.uuid)
             for other in prompts
         )
     ]
-    found = set()
-    for run in world.runs if asked else ():
+    results = set()
+    for run in world.runs if partners else ():
         for order in effects(run, prompts) if run.completed else ():
-            for fill, flushes in asked:
+            for fill, flushes in partners:
                 if fill.path in order:
                     after = order[order.index(fill.path) + 1 :]
                     if not flushes & set(after):
-                        found.add(fill.path)
-    return found
+                        results.add(fill.path)
+    return results
 
 
 def empty_flush(world: World) -> set[str]:
     """The flushes that succeed in some run in which no fill of their buffer came before."""
     prompts = prompting(world)
-    asked = [
+    partners = [
         (flush, {one.path for one in prompts if not one.flush and one.may_have(flush.uuid)})
         for flush in prompts
-        if flush.known
+        if flush.fixed
         and flush.flush
         and flush.uuid is not None
         and not any(
-            not other.known
-            and (not other.flush or not other.known_flush)
+            not other.fixed
+            and (not other.flush or not other.fixed_flush)
             and other.may_have(flush.uuid)
             for other in prompts
         )
     ]
-    found = set()
-    for run in world.runs if asked else ():
+    results = set()
+    for run in world.runs if partners else ():
         for order in effects(run, prompts):
-            for flush, fills in asked:
+            for flush, fills in partners:
                 succeeds = flush.path in order and run.scenario[flush.path] == SUCCEEDED
                 if succeeds and not fills & set(order[: order.index(flush.path)]):
-                    found.add(flush.path)
-    return found
+                    results.add(flush.path)
+    return results
 
 
 def empty_answer(world: World) -> set[tuple[str, str]]:
@@ -150,15 +150,15 @@ def empty_answer(world: World) -> set[tuple[str, str]]:
 
     Only those that know the name: what the others get is lost with them.
     """
-    fills = {one.path for one in prompting(world) if one.known_flush and not one.flush}
-    found = set()
+    fills = {one.path for one in prompting(world) if one.fixed_flush and not one.flush}
+    results = set()
     for instance in world.reachable:
         producer, event = source(world, instance) or (None, "")
-        if producer is None or producer.known is None or producer.path not in fills:
+        if producer is None or producer.described is None or producer.path not in fills:
             continue
-        answer = producer.known.prompt.answer if producer.known.prompt else ""
-        if instance.known is None or not instance.known.knows(answer):
+        answer = producer.described.prompt.answer if producer.described.prompt else ""
+        if instance.described is None or not instance.described.knows(answer):
             continue
-        if any(one.name == answer and one.event == event for one in producer.known.outputs):
-            found.add((instance.path, answer))
-    return found
+        if any(one.name == answer and one.event == event for one in producer.described.outputs):
+            results.add((instance.path, answer))
+    return results

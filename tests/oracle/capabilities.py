@@ -105,10 +105,10 @@ class Described(_Brief):
     achieves: bool = False
 
     def parameter(self, name: str) -> Parameter | None:
-        return next((found for found in self.parameters if found.name == name), None)
+        return next((parameter for parameter in self.parameters if parameter.name == name), None)
 
     def input(self, name: str) -> Input | None:
-        return next((found for found in self.inputs if found.name == name), None)
+        return next((each for each in self.inputs if each.name == name), None)
 
     def knows(self, name: str) -> bool:
         return self.parameter(name) is not None or self.input(name) is not None
@@ -123,8 +123,8 @@ class Instance:
 
     node: RunnerNode
     runner: R
-    known: Described | None
-    given: Mapping[str, str]
+    described: Described | None
+    written: Mapping[str, str]
     arrives: Mapping[str, str] | None
 
     @property
@@ -133,9 +133,9 @@ class Instance:
 
     def configured(self, name: str) -> Value | None:
         """The attribute of this name, else the default of the parameter; None: neither."""
-        if name in self.given:
-            return read(self.given[name])
-        parameter = self.known.parameter(name) if self.known else None
+        if name in self.written:
+            return read(self.written[name])
+        parameter = self.described.parameter(name) if self.described else None
         return parameter.default if parameter else None
 
     def unknown(self, name: str) -> bool:
@@ -147,12 +147,12 @@ class Instance:
 
         Two where what the plan writes has no type.
         """
-        entry = self.known.input(name) if self.known else None
-        if name in self.given:
-            return self._read_as(name, self.given[name], entry)
+        entry = self.described.input(name) if self.described else None
+        if name in self.written:
+            return self._read_as(name, self.written[name], entry)
         if entry is not None:
-            if entry.fallback in self.given:
-                return self._read_as(entry.fallback, self.given[entry.fallback], None)
+            if entry.fallback in self.written:
+                return self._read_as(entry.fallback, self.written[entry.fallback], None)
             if entry.default is not None:
                 return (entry.default,)
         default = self.configured(name)
@@ -161,7 +161,7 @@ class Instance:
         return () if default is None else (default,)
 
     def _read_as(self, name: str, text: str, entry: Input | None) -> tuple[Value, ...]:
-        parameter = self.known.parameter(name) if self.known else None
+        parameter = self.described.parameter(name) if self.described else None
         one = entry or parameter
         if one is not None and one.type:
             return (text,) if one.type == "string" else (read(text),)
@@ -189,28 +189,28 @@ class Instance:
     def outcomes(self) -> set[str]:
         """The outcomes that section 8.1 leaves, apart from what the fault models allow."""
         left = {SUCCEEDED, FAILED, NO_START, HANG}
-        known = self.known
-        if known is None:
+        described = self.described
+        if described is None:
             return left
         broken = any(
             self.unknown(name) or any(same(reading, value) for reading in self.readings(name))
-            for name, value in known.unless
+            for name, value in described.unless
         )
-        if known.never_fails and not broken:
+        if described.never_fails and not broken:
             left -= {FAILED, NO_START}
-        if known.never_succeeds:
+        if described.never_succeeds:
             left -= {SUCCEEDED}
         return left
 
 
 def arrives_at(
-    node: RunnerNode, runners: Iterable[RunnerNode], known: Mapping[str, Described | None]
+    node: RunnerNode, runners: Iterable[RunnerNode], entries: Mapping[str, Described | None]
 ) -> Mapping[str, str] | None:
     """How often which names arrive at an instance that is triggered; None if nobody knows."""
     for other in runners:
         for event, signal in ((SUCCEEDED, other.succeeded), (FAILED, other.failed)):
             if node.trigger == signal:
-                giver = known[other.path]
+                giver = entries[other.path]
                 if giver is None:
                     return None
                 return {
@@ -251,13 +251,16 @@ class World:
         consistent: bool = False,
         constraint: Predicate | None = None,
     ) -> None:
-        described = {(known.interface, known.provider): known for known in library}
+        described = {
+            (capabilities.interface, capabilities.provider): capabilities
+            for capabilities in library
+        }
         runners = {at.path: at.node for at in place(whole).walk() if isinstance(at.node, R)}
-        known = {
+        values = {
             path: described.get((runner.interface, runner.provider))
             for path, runner in runners.items()
         }
-        may_hang = any(one is not None and one.may_hang for one in known.values())
+        may_hang = any(one is not None and one.may_hang for one in values.values())
         #: the fault models with which the oracle of section 5 plays the same scenarios
         self.faults = faults | {"hang"} if may_hang else faults
         self.system = System(whole, self.faults)
@@ -265,9 +268,9 @@ class World:
             Instance(
                 node,
                 runners[node.path],
-                known[node.path],
+                values[node.path],
                 dict(runners[node.path].parameters),
-                arrives_at(node, self.system.graph.runners, known),
+                arrives_at(node, self.system.graph.runners, values),
             )
             for node in self.system.graph.runners
         )
@@ -282,7 +285,7 @@ class World:
             outcome = scenario[instance.path]
             if outcome not in instance.outcomes():
                 return False
-            hangs = instance.known is not None and instance.known.may_hang
+            hangs = instance.described is not None and instance.described.may_hang
             if outcome == HANG and not self._hang and not hangs:
                 return False
         return self._constraint is None or self._constraint(scenario)

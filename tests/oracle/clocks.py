@@ -26,7 +26,7 @@ def makespan(world: World) -> Range | None:
     functions grow with each duration and have no jumps, so the bounds of the durations give the
     bounds of the end: also those that are approached only, as a least of 0 is.
     """
-    if not any(one.known and one.known.duration for one in world.reachable):
+    if not any(one.described and one.described.duration for one in world.reachable):
         return None
     ends = [run for run in world.runs if not run.stuck]
     if not ends:
@@ -38,7 +38,7 @@ def makespan(world: World) -> Range | None:
 
 def spans(instance: Instance, run: Run) -> tuple[float, float]:
     """The bounds of the duration of an instance in a run; what does not start heeds no least."""
-    least, greatest = instance.bounds(instance.known.duration if instance.known else None)
+    least, greatest = instance.bounds(instance.described.duration if instance.described else None)
     return 0.0 if run.scenario[instance.path] == NO_START else least, max(least, greatest)
 
 
@@ -70,14 +70,14 @@ def end_of(world: World, run: Run, duration: Callable[[Instance, Run], float]) -
 
 def energy(world: World) -> Range | None:
     """The least and the greatest energy of a run, over all scenarios."""
-    if not any(one.known and one.known.energy for one in world.reachable):
+    if not any(one.described and one.described.energy for one in world.reachable):
         return None
     sums = []
     for run in world.runs:
         taken = [
-            one.bounds(one.known.energy)
+            one.bounds(one.described.energy)
             for one in world.instances
-            if one.known and one.known.energy and run.fired & one.node.trigger
+            if one.described and one.described.energy and run.fired & one.node.trigger
         ]
         sums.append((sum(low for low, _ in taken), sum(high for _, high in taken)))
     greatest = max(high for _, high in sums)
@@ -87,30 +87,30 @@ def energy(world: World) -> Range | None:
 def overlaps(world: World) -> set[tuple[str, str, str]]:
     """The pairs of instances that can hold a resource at one instant, and the resource."""
     candidates = free_overlaps(world)
-    if not any(one.known and one.known.duration for one in world.instances):
+    if not any(one.described and one.described.duration for one in world.instances):
         return candidates
-    found: set[tuple[str, str, str]] = set()
+    results: set[tuple[str, str, str]] = set()
     for run in world.runs:
         for history in histories(world, run):
-            found |= holding(world, history.now) & candidates
-            if found == candidates:
-                return found
-    return found
+            results |= holding(world, history.now) & candidates
+            if results == candidates:
+                return results
+    return results
 
 
 def orphans(world: World) -> set[str]:
     """The instances that can be active when the plan completes, in time that durations allow."""
-    found: set[str] = set()
+    results: set[str] = set()
     for run in world.runs:
         if not run.completed:
             continue
         candidates = {path for now in moments(run) if now.over for path in now.active}
         for history in histories(world, run):
-            if candidates <= found:
+            if candidates <= results:
                 break
             if history.now.over:
-                found |= history.now.active
-    return found
+                results |= history.now.active
+    return results
 
 
 @dataclass(frozen=True, slots=True)

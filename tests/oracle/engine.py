@@ -42,13 +42,13 @@ class Machine:
 
     def ends(self, succeeds: Mapping[int, bool]) -> tuple[set[str], set[int]]:
         """How runs with these outcomes can end, and which leaves can be triggered."""
-        found: set[str] = set()
+        results: set[str] = set()
         reached: set[int] = set()
         seen: set[State] = set()
         start: State = (frozenset(), frozenset(), False)
         first = None if self.begin is None else self.begin.source.instance
         pending: list[State] = []
-        self._then(start, first, pending, found, reached)
+        self._then(start, first, pending, results, reached)
         while pending:
             state = pending.pop()
             if state in seen:
@@ -59,7 +59,7 @@ class Machine:
                 names = {self.of[number].source.interface for number, _ in active}
                 self.most_active = max(self.most_active, len(names))
             if not active:
-                found.add("COMPLETED" if completed else "HANG")
+                results.add("COMPLETED" if completed else "HANG")
             for each in sorted(active):
                 number, starting = each
                 rest = active - {each}
@@ -72,16 +72,16 @@ class Machine:
                 else:
                     target = connection.on_failure
                 after = (rest, arrived, completed)
-                known = None if target is None or not target.named else target.instance
-                self._then(after, known, pending, found, reached)
-        return found, reached
+                instance = None if target is None or not target.named else target.instance
+                self._then(after, instance, pending, results, reached)
+        return results, reached
 
     def _then(
         self,
         state: State,
         number: int | None,
         pending: list[State],
-        found: set[str],
+        actual: set[str],
         reached: set[int],
     ) -> None:
         """The target of an event is triggered, and at once what follows from joins."""
@@ -102,7 +102,7 @@ class Machine:
             connection = self.of[number]
             count, kind = counts[number], connection.source.interface.rpartition("/")[2]
             if kind != "InputMultiplexAllRunner" and count > 1:
-                found.add("COMPLETED" if completed else "ABORT")
+                actual.add("COMPLETED" if completed else "ABORT")
                 return
             if count != self._expected(connection):
                 break

@@ -93,13 +93,13 @@ def _deadlock_effect(block: Block, runs: list[Run]) -> str:
 
 def _orphans(runs: list[Run]) -> list[str]:
     paths = runs[0].system.paths
-    found: frozenset[str] = frozenset()
+    result: frozenset[str] = frozenset()
     # Runs with the same signals differ in outcomes that are never asked for: one is enough.
     for run in {run.fired: run for run in runs}.values():
-        missing = frozenset(paths) - found
+        missing = frozenset(paths) - result
         if missing:
-            found |= run.orphans(missing)
-    return [path for path in paths if path in found]
+            result |= run.orphans(missing)
+    return [path for path in paths if path in result]
 
 
 _RANK = {SUCCEEDED: 0, FAILED: 1, NO_START: 2, HANG: 3}

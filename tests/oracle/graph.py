@@ -171,14 +171,14 @@ class _Compiler:
             return trigger, NOTHING
         if placed.node.type == "sequential":
             return self.sequential(units, trigger)
-        found = self.parallel(units, trigger)
-        successes, failures = [one[0] for one in found], [one[1] for one in found]
+        outcomes = self.parallel(units, trigger)
+        successes, failures = [one[0] for one in outcomes], [one[1] for one in outcomes]
         if placed.node.type == "parallel_any":
             return self.any_of(successes), self.all_of(failures)
         assert placed.node.type == "parallel_all"
         success, failure = self.all_of(successes), self.any_of(failures)
         if len(units) > 1:
-            self.blocks.append(Block(placed.path, trigger, success, failure, tuple(found)))
+            self.blocks.append(Block(placed.path, trigger, success, failure, tuple(outcomes)))
         return success, failure
 
     def sequential(self, units: list[_Unit], trigger: int) -> Outlets:
@@ -189,17 +189,17 @@ class _Compiler:
         return trigger, self.any_of(failures)
 
     def parallel(self, units: list[_Unit], trigger: int) -> list[Outlets]:
-        found = []
+        results = []
         for unit in units:
             before = len(self.nodes)
-            found.append(self.unit(unit, trigger))
+            results.append(self.unit(unit, trigger))
             if self.no_start and trigger != NOTHING:
                 # The next unit waits for the first runner that this unit's trigger triggers.
                 runners = [node for node in self.nodes[before:] if isinstance(node, RunnerNode)]
                 direct = [node for node in runners if node.trigger == trigger]
                 if direct:
                     trigger = min(direct, key=lambda node: node.index).started
-        return found
+        return results
 
     def any_of(self, signals: list[int]) -> int:
         present = [signal for signal in signals if signal != NOTHING]

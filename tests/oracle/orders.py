@@ -70,22 +70,22 @@ def moments(run: Run) -> frozenset[Moment]:
 
 def free_overlaps(world: World) -> set[tuple[str, str, str]]:
     """The instances that hold a resource at one instant if durations are free."""
-    found = set()
+    results = set()
     for run in world.runs:
         for now in moments(run):
-            found |= holding(world, now)
-    return found
+            results |= holding(world, now)
+    return results
 
 
 def holding(world: World, now: Moment) -> set[tuple[str, str, str]]:
     """The pairs of instances that hold the same resource at a moment, in document order."""
-    active = [one for one in world.instances if one.path in now.active and one.known]
+    active = [one for one in world.instances if one.path in now.active and one.described]
     return {
         (one.path, other.path, resource)
         for one, other in combinations(active, 2)
-        if one.known and other.known
-        for resource in one.known.resources
-        if resource in other.known.resources
+        if one.described and other.described
+        for resource in one.described.resources
+        if resource in other.described.resources
     }
 
 

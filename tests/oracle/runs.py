@@ -168,12 +168,12 @@ class Run:
         """
         if not self.completed:
             return frozenset()  # in no order: a part of a run has no more signals than the whole
-        asked = self.system.paths if candidates is None else candidates
-        wanted = {path for path in asked if self._may_be_orphan(path)}
-        found: set[str] = set()
+        paths = self.system.paths if candidates is None else candidates
+        wanted = {path for path in paths if self._may_be_orphan(path)}
+        results: set[str] = set()
         nothing: frozenset[str] = frozenset()
         todo, seen = [nothing], {nothing}
-        while todo and not wanted <= found:
+        while todo and not wanted <= results:
             delivered = todo.pop()
             fired = self._after(delivered)
             pending = {
@@ -182,14 +182,14 @@ class Run:
                 if runner.trigger & fired and runner.path not in delivered
             }
             if fired & self.system.graph.success:
-                found |= pending & wanted
+                results |= pending & wanted
                 continue
             for path in pending:
                 after = delivered | {path}
                 if self.outcomes[self.system.index[path]] != HANG and after not in seen:
                     seen.add(after)
                     todo.append(after)
-        return frozenset(found)
+        return frozenset(results)
 
     def failures_to_give_up(self) -> int | None:
         """The fewest failures that have come when ``give_up`` is triggered; None if it never is.

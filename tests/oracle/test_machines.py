@@ -19,22 +19,22 @@ def facts(*lines: str, hang: bool = False, **needs: int) -> dict[str, Any]:
     return machine_facts(graph, dict.fromkeys(names, outcomes))
 
 
-def ends(found: dict[str, Any]) -> list[str]:
-    return [found[name] for name in ENDS]
+def ends(actual: dict[str, Any]) -> list[str]:
+    return [actual[name] for name in ENDS]
 
 
 def test_a_loop_that_a_success_leads_out_of() -> None:
-    found = facts("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")
-    assert ends(found) == ["sometimes", "never", "never", "sometimes", "always"]
-    assert found["loops"] == {(frozenset("a"), False)}
-    assert found["dangling"] == []
+    answer = facts("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")
+    assert ends(answer) == ["sometimes", "never", "never", "sometimes", "always"]
+    assert answer["loops"] == {(frozenset("a"), False)}
+    assert answer["dangling"] == []
 
 
 def test_a_trap() -> None:
     lines = ("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED b", "b SUCCEEDED b", "b FAILED b")
-    found = facts(*lines)
-    assert ends(found) == ["sometimes", "never", "never", "sometimes", "sometimes"]
-    assert found["loops"] == {(frozenset("b"), True)}
+    answer = facts(*lines)
+    assert ends(answer) == ["sometimes", "never", "never", "sometimes", "sometimes"]
+    assert answer["loops"] == {(frozenset("b"), True)}
     hanging = facts(*lines, hang=True)  # b may hang: then nothing more happens
     assert hanging["loops"] == {(frozenset("b"), False)}
     assert hanging["stuck"] == "sometimes"
@@ -43,24 +43,24 @@ def test_a_trap() -> None:
 def test_stopping_comes_before_triggering() -> None:
     # a starts again at the instant at which b stops it: two visits, and b none any more
     lines = ("start SUCCEEDED a", "start SUCCEEDED b", "b SUCCEEDED stop a", "b SUCCEEDED a")
-    found = facts(*lines, "a STOPPED c", "c STARTED lost")
-    assert found["gives_up"] == "sometimes"
-    assert found["fewest_failures_to_give_up"] == 0
-    assert found["unreachable"] == []
+    answer = facts(*lines, "a STOPPED c", "c STARTED lost")
+    assert answer["gives_up"] == "sometimes"
+    assert answer["fewest_failures_to_give_up"] == 0
+    assert answer["unreachable"] == []
 
 
 def test_a_trigger_while_active_has_no_effect() -> None:
-    found = facts(
+    answer = facts(
         "start SUCCEEDED a", "start SUCCEEDED b", "b SUCCEEDED a", "a SUCCEEDED end", "a STARTED c"
     )
-    assert found["orphans"] == ["b", "c"]
+    assert answer["orphans"] == ["b", "c"]
 
 
 def test_joins_are_armed_again() -> None:
     # one of two: the second input is taken in, and arms the join for the next round
     lines = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED j", "b SUCCEEDED j")
-    found = facts(*lines, "a FAILED j", "b FAILED j", "j SUCCEEDED c", "c SUCCEEDED a", j=1)
-    assert found["unreachable"] == []
+    answer = facts(*lines, "a FAILED j", "b FAILED j", "j SUCCEEDED c", "c SUCCEEDED a", j=1)
+    assert answer["unreachable"] == []
     waiting = facts(*lines, "j SUCCEEDED end", "a FAILED lost", "b FAILED end", j=2)
     assert waiting["join_deadlocks"] == [("j", "give_up")]
     endless = facts(*lines, "j SUCCEEDED end", "a FAILED a", "b FAILED b", j=2)
@@ -88,12 +88,12 @@ def test_who_is_active_has_to_end() -> None:
 
 
 def test_a_first_instant_may_complete_or_give_up() -> None:
-    found = facts("start SUCCEEDED end", "start SUCCEEDED lost", "start SUCCEEDED a")
-    assert found["gives_up"] == "always"
-    found = facts("start SUCCEEDED end", "start SUCCEEDED a", "a FAILED b", "b SUCCEEDED lost")
-    assert ends(found) == ["always", "never", "never", "never", "always"]
-    assert found["orphans"] == ["a"]
-    assert found["fewest_failures_to_give_up"] is None
+    answer = facts("start SUCCEEDED end", "start SUCCEEDED lost", "start SUCCEEDED a")
+    assert answer["gives_up"] == "always"
+    answer = facts("start SUCCEEDED end", "start SUCCEEDED a", "a FAILED b", "b SUCCEEDED lost")
+    assert ends(answer) == ["always", "never", "never", "never", "always"]
+    assert answer["orphans"] == ["a"]
+    assert answer["fewest_failures_to_give_up"] is None
 
 
 def test_failures_count_at_every_visit() -> None:

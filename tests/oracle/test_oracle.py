@@ -38,9 +38,9 @@ NO_STARTS = frozenset({"no-start"})
 
 
 def fewest(whole: P, constraint: Constraint | None = None, *, consistent: bool = False) -> object:
-    found = facts(whole, constraint=constraint, consistent=consistent)
-    assert found is not None
-    return found["fewest_failures_to_give_up"]
+    answer = facts(whole, constraint=constraint, consistent=consistent)
+    assert answer is not None
+    return answer["fewest_failures_to_give_up"]
 
 
 def test_hang_gets_a_plan_stuck() -> None:
@@ -57,13 +57,13 @@ def test_hang_gets_a_plan_stuck() -> None:
 
 def test_a_hanging_unit_is_an_orphan() -> None:
     hangs = Says(f"{C1}/Runner[1]", "hangs")
-    found = facts(plan(par_any("A", "B"), "C"), faults=HANGS, constraint=hangs)
-    assert found is not None
-    assert found["orphans"] == [f"{C1}/Runner[1]"]  # B has to come before C
-    assert found["gives_up"] == "sometimes"  # by C
-    assert found["stuck"] == "sometimes"  # A hangs, so the join of the failures waits
+    answer = facts(plan(par_any("A", "B"), "C"), faults=HANGS, constraint=hangs)
+    assert answer is not None
+    assert answer["orphans"] == [f"{C1}/Runner[1]"]  # B has to come before C
+    assert answer["gives_up"] == "sometimes"  # by C
+    assert answer["stuck"] == "sometimes"  # A hangs, so the join of the failures waits
     # B's failure alone makes nothing give up, since A hangs; C's does.
-    assert found["dangling"] == [
+    assert answer["dangling"] == [
         *fails(f"{C1}/Runner[1]", f"{C1}/Runner[2]", effect="dont_care"),
         *fails(R1),
     ]
@@ -80,10 +80,10 @@ def test_without_start_the_next_unit_is_not_triggered() -> None:
     assert run.ends == "STUCK"
     run = system.run((FAILED, NO_START, SUCCEEDED))
     assert [run.triggers(path) for path in (a, b, c)] == [True, True, False]
-    found = facts(whole, faults=NO_STARTS)
-    assert found is not None
-    assert (found["completes"], found["gives_up"], found["stuck"]) == ("sometimes",) * 3
-    assert found["orphans"] == [a, b, c]
+    answer = facts(whole, faults=NO_STARTS)
+    assert answer is not None
+    assert (answer["completes"], answer["gives_up"], answer["stuck"]) == ("sometimes",) * 3
+    assert answer["orphans"] == [a, b, c]
 
 
 def test_a_unit_without_runner_passes_its_trigger_on() -> None:
@@ -102,9 +102,9 @@ def test_no_start_without_parallels_is_like_failed() -> None:
 
 def test_no_start_makes_a_join_wait_stuck_inside_parallel_any() -> None:
     whole = plan(par_any(par_all("A", "B"), "C"))
-    found = facts(whole, faults=NO_STARTS)
-    assert found is not None
-    assert found["join_deadlocks"] == [{"control": f"{C1}/Control[1]", "effect": "stuck"}]
+    answer = facts(whole, faults=NO_STARTS)
+    assert answer is not None
+    assert answer["join_deadlocks"] == [{"control": f"{C1}/Control[1]", "effect": "stuck"}]
 
 
 def test_equal_actions_have_equal_outcomes() -> None:
@@ -115,10 +115,10 @@ def test_equal_actions_have_equal_outcomes() -> None:
     assert free["fewest_failures_to_give_up"] == bound["fewest_failures_to_give_up"] == 2
     retry = plan("Go x=1", rec("Go x=1.0", "Say"), "Go x=true")
     no_help = Says(f"{C1}/Runner[2]", "fails")
-    found = facts(retry, consistent=True, constraint=no_help)
-    assert found is not None
+    answer = facts(retry, consistent=True, constraint=no_help)
+    assert answer is not None
     # Under consistency the retry never helps: whoever reaches the end needed no recovery.
-    assert found["fewest_failures_to_give_up"] == 1
+    assert answer["fewest_failures_to_give_up"] == 1
     assert (
         canonical_scenario(
             retry,
@@ -181,9 +181,9 @@ def test_equality_of_actions(left: str, right: str, equal: bool) -> None:
 def test_constraints() -> None:
     whole = plan("A", "B")
     never = Says(R1, "succeeds")
-    found = facts(whole, constraint=never)
-    assert found is not None
-    assert found["dangling"] == [*fails(R1, effect="dont_care"), *fails(R2)]
+    answer = facts(whole, constraint=never)
+    assert answer is not None
+    assert answer["dangling"] == [*fails(R1, effect="dont_care"), *fails(R2)]
     both = Implies(never, Not(Says(R2, "fails")))
     assert str(both) == ("(/Plan/Runner[1] succeeds) implies (not (/Plan/Runner[2] fails))")
     # A flipped outcome is not checked against the constraint again: with A succeeding B would
@@ -198,36 +198,36 @@ def test_constraints() -> None:
 def test_a_mended_unit_need_not_save_the_plan() -> None:
     # C always fails: mending the block only moves the give-up from the block to C.
     whole = plan(par_all("A", "B"), "C")
-    found = facts(whole, constraint=Says(R1, "fails"))
-    assert found is not None
-    assert found["join_deadlocks"] == [{"control": C1, "effect": "absorbed"}]
-    assert found["completes"] == "never"
+    answer = facts(whole, constraint=Says(R1, "fails"))
+    assert answer is not None
+    assert answer["join_deadlocks"] == [{"control": C1, "effect": "absorbed"}]
+    assert answer["completes"] == "never"
 
 
 def test_all_failing_units_are_mended_together() -> None:
     a, b = f"{C1}/Runner[1]", f"{C1}/Control[1]/Runner[1]"
     whole = plan(par_all("A", seq("B", "C")))
-    found = facts(whole, constraint=lambda s: s[a] == s[b] == FAILED)
-    assert found is not None
-    assert found["join_deadlocks"] == [{"control": C1, "effect": "give_up"}]
+    answer = facts(whole, constraint=lambda s: s[a] == s[b] == FAILED)
+    assert answer is not None
+    assert answer["join_deadlocks"] == [{"control": C1, "effect": "give_up"}]
     # One flip alone saves nothing.
-    assert found["dangling"] == fails(a, b, effect="dont_care")
+    assert answer["dangling"] == fails(a, b, effect="dont_care")
 
 
 def test_canonical_scenario() -> None:
     whole = plan(par_any("A", "B"), "C", rec("D"))
-    found = canonical_scenario(whole, lambda run: run.gave_up)
-    assert found is not None
-    assert list(found.scenario.values()) == [FAILED, FAILED, SUCCEEDED, SUCCEEDED]
-    assert found.ends == "GAVE_UP"
+    scenario = canonical_scenario(whole, lambda run: run.gave_up)
+    assert scenario is not None
+    assert list(scenario.scenario.values()) == [FAILED, FAILED, SUCCEEDED, SUCCEEDED]
+    assert scenario.ends == "GAVE_UP"
     # Untriggered instances count too, so nothing fails that need not.
-    found = canonical_scenario(whole, lambda run: run.gave_up and run.triggers(R1))
-    assert found is not None
-    assert list(found.scenario.values()) == [SUCCEEDED, SUCCEEDED, FAILED, FAILED]
+    scenario = canonical_scenario(whole, lambda run: run.gave_up and run.triggers(R1))
+    assert scenario is not None
+    assert list(scenario.scenario.values()) == [SUCCEEDED, SUCCEEDED, FAILED, FAILED]
     # Hanging alone gets it stuck; failing first comes before hanging first.
-    found = canonical_scenario(whole, lambda run: run.stuck, faults=HANGS)
-    assert found is not None
-    assert found.outcomes == (SUCCEEDED, SUCCEEDED, HANG, SUCCEEDED)
+    scenario = canonical_scenario(whole, lambda run: run.stuck, faults=HANGS)
+    assert scenario is not None
+    assert scenario.outcomes == (SUCCEEDED, SUCCEEDED, HANG, SUCCEEDED)
     stopped = canonical_scenario(
         whole, lambda run: run.stuck and not run.triggers(R1), faults=HANGS
     )

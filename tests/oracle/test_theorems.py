@@ -114,10 +114,10 @@ def test_no_random_order_finds_an_orphan_that_the_search_misses(
 @unhurried
 @given(plans())
 def test_without_faults_no_plan_is_stuck(whole: P) -> None:
-    found = facts(whole)
-    assert found is not None
-    assert found["stuck"] == "never"
-    assert (found["gives_up"] == "never") == (found["fewest_failures_to_give_up"] is None)
+    answer = facts(whole)
+    assert answer is not None
+    assert answer["stuck"] == "never"
+    assert (answer["gives_up"] == "never") == (answer["fewest_failures_to_give_up"] is None)
 
 
 @unhurried
@@ -134,10 +134,10 @@ def test_success_never_dangles(
 ) -> None:
     assume(runner_paths(whole))
     constraint = data.draw(constraints(whole, faults=kinds))
-    found = facts(whole, faults=kinds, consistent=consistent, constraint=constraint)
-    assume(found is not None)
-    assert found is not None
-    assert {entry["event"] for entry in found["dangling"]} <= {"FAILED"}
+    answer = facts(whole, faults=kinds, consistent=consistent, constraint=constraint)
+    assume(answer is not None)
+    assert answer is not None
+    assert {entry["event"] for entry in answer["dangling"]} <= {"FAILED"}
 
 
 @unhurried
@@ -155,9 +155,9 @@ def test_more_constraints_leave_fewer_orphans_and_more_unreachable(
 
 def _has_effect(effect: str) -> Callable[[P], bool]:
     def holds(whole: P) -> bool:
-        found = facts(whole)
-        assert found is not None
-        return effect in {block["effect"] for block in found["join_deadlocks"]}
+        answer = facts(whole)
+        assert answer is not None
+        return effect in {block["effect"] for block in answer["join_deadlocks"]}
 
     return holds
 

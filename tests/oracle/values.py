@@ -28,10 +28,10 @@ def source(world: World, instance: Instance) -> tuple[Instance, str] | None:
 
 def missing(world: World) -> dict[tuple[str, str], str]:
     """The needs that are not met in some run: always or sometimes, by path and name."""
-    found = {}
+    results = {}
     for instance in world.reachable:
         arrives = instance.arrives
-        for name, need in _needs(instance.known).items():
+        for name, need in _needs(instance.described).items():
             if _met_by_the_plan(instance, name, need):
                 continue
             if need is not None and need.sources and UPSTREAM not in need.sources:
@@ -41,20 +41,22 @@ def missing(world: World) -> dict[tuple[str, str], str]:
             else:
                 how = arrives.get(name, NEVER)
             if how != ALWAYS:
-                found[instance.path, name] = SOMETIMES if how == SOMETIMES else ALWAYS
-    return found
+                results[instance.path, name] = SOMETIMES if how == SOMETIMES else ALWAYS
+    return results
 
 
-def _needs(known: Described | None) -> dict[str, Input | None]:
+def _needs(described: Described | None) -> dict[str, Input | None]:
     """The needs by name: None for a parameter, else the input."""
-    if known is None:
+    if described is None:
         return {}
     needs: dict[str, Input | None] = {
         parameter.name: None
-        for parameter in known.parameters
-        if parameter.required and parameter.default is None and known.input(parameter.name) is None
+        for parameter in described.parameters
+        if parameter.required
+        and parameter.default is None
+        and described.input(parameter.name) is None
     }
-    for entry in known.inputs:
+    for entry in described.inputs:
         if entry.required and entry.default is None:
             needs[entry.name] = entry
     return needs
@@ -62,8 +64,8 @@ def _needs(known: Described | None) -> dict[str, Input | None]:
 
 def _met_by_the_plan(instance: Instance, name: str, need: Input | None) -> bool:
     if need is None:
-        return name in instance.given
-    if name in instance.given and {EXTERNAL, CONFIGURATION} & set(need.sources):
+        return name in instance.written
+    if name in instance.written and {EXTERNAL, CONFIGURATION} & set(need.sources):
         return True
     # Where the file names no fallback parameter it is the one of the same name, if any.
     return CONFIGURATION in need.sources and instance.configured(need.fallback or name) is not None
@@ -74,13 +76,17 @@ def overwritten(world: World) -> dict[tuple[str, str], str]:
 
     Only names that the instance knows: no other has a value that it works with.
     """
-    found = {}
+    results = {}
     for instance in world.reachable:
         arrives = instance.arrives or {}
-        for name in instance.given:
-            if name in arrives and instance.known is not None and instance.known.knows(name):
-                found[instance.path, name] = arrives[name]
-    return found
+        for name in instance.written:
+            if (
+                name in arrives
+                and instance.described is not None
+                and instance.described.knows(name)
+            ):
+                results[instance.path, name] = arrives[name]
+    return results
 
 
 def lost(world: World) -> set[tuple[str, str, str]]:
@@ -92,7 +98,7 @@ def lost(world: World) -> set[tuple[str, str, str]]:
     return {
         (producer.path, output.name, consumer.path)
         for producer, consumer in combinations(world.instances, 2)
-        for output in (producer.known.outputs if producer.known else ())
+        for output in (producer.described.outputs if producer.described else ())
         if (consumer.path, output.name) in wanting
         and any(
             run.fired & _signal(producer, output) and run.fired & consumer.node.trigger
@@ -107,13 +113,17 @@ def _signal(producer: Instance, output: Output) -> int:
 
 def _wanting(world: World) -> set[tuple[str, str]]:
     """The instances and names that are known and wanted, and under which nothing arrives."""
-    found = set(missing(world))
+    result = set(missing(world))
     for instance in world.reachable:
-        for name, text in instance.given.items():
-            if _PLACEHOLDER.fullmatch(text) and instance.known and instance.known.knows(name):
-                found.add((instance.path, name))
+        for name, text in instance.written.items():
+            if (
+                _PLACEHOLDER.fullmatch(text)
+                and instance.described
+                and instance.described.knows(name)
+            ):
+                result.add((instance.path, name))
     arrives = {one.path: one.arrives for one in world.reachable}
-    return {(path, name) for path, name in found if name not in _or_any(arrives[path], name)}
+    return {(path, name) for path, name in result if name not in _or_any(arrives[path], name)}
 
 
 def _or_any(arrives: Mapping[str, str] | None, name: str) -> Collection[str]:

@@ -21,8 +21,8 @@ HALF = 0.11
 
 
 def runner(name: str = "nav/GoRunner", **parameters: object) -> str:
-    told = "".join(f' {key}="{value}"' for key, value in parameters.items())
-    return f'<Runner interface="{name}" provider="x/Y"{told}/>'
+    attributes = "".join(f' {key}="{value}"' for key, value in parameters.items())
+    return f'<Runner interface="{name}" provider="x/Y"{attributes}/>'
 
 
 def control(control_type: str, *children: str) -> str:
@@ -88,27 +88,27 @@ def inside(inner: Box, outer: Box) -> bool:
     )
 
 
-def well_placed(found: Layout, whole: Box) -> None:
+def well_placed(layout: Layout, whole: Box) -> None:
     """No boxes overlap, and everything lies inside what it belongs to."""
-    for one, other in combinations([box for box in found.nodes if box.width], 2):
+    for one, other in combinations([box for box in layout.nodes if box.width], 2):
         assert not overlap(one, other)
-    for one, other in combinations(found.groups, 2):
+    for one, other in combinations(layout.groups, 2):
         if one.parent == other.parent:
             assert not overlap(one.box, other.box)
-    for box, group_of in zip(found.nodes, found.group_of, strict=True):
-        assert inside(box, found.groups[group_of].box if group_of >= 0 else whole) or not box.width
-        outer = around(found, group_of)
-        for number, group in enumerate(found.groups):
+    for box, group_of in zip(layout.nodes, layout.group_of, strict=True):
+        assert inside(box, layout.groups[group_of].box if group_of >= 0 else whole) or not box.width
+        outer = around(layout, group_of)
+        for number, group in enumerate(layout.groups):
             assert number in outer or not overlap(box, group.box)
-    for group in found.groups:
-        outer = found.groups[group.parent].box if group.parent >= 0 else whole
+    for group in layout.groups:
+        outer = layout.groups[group.parent].box if group.parent >= 0 else whole
         assert inside(group.box, outer)
 
 
-def around(found: Layout, group: int) -> list[int]:
+def around(layout: Layout, group: int) -> list[int]:
     """A group and all groups that it is in."""
     groups = []
     while group >= 0:
         groups.append(group)
-        group = found.groups[group].parent
+        group = layout.groups[group].parent
     return groups

@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 SIZE = (100.0, 40.0)
 
 
-def check(found: LayeredLayout, edges: Sequence[tuple[int, int]]) -> None:
+def check(actual: LayeredLayout, edges: Sequence[tuple[int, int]]) -> None:
     """Every node has a place of its own, and every edge leads from its source to its target."""
-    width, height = found.size
-    for box in found.boxes:
+    width, height = actual.size
+    for box in actual.boxes:
         assert box.x >= 0
         assert box.y >= 0
         assert box.right <= width + 0.1
         assert box.bottom <= height + 0.1
-    for one, other in combinations(found.boxes, 2):
+    for one, other in combinations(actual.boxes, 2):
         apart = one.right < other.x or other.right < one.x
         assert apart or one.bottom < other.y or other.bottom < one.y
-    for (source, target), route in zip(edges, found.routes, strict=True):
-        assert on_border(route[0], found.boxes[source])
-        assert on_border(route[-1], found.boxes[target])
+    for (source, target), route in zip(edges, actual.routes, strict=True):
+        assert on_border(route[0], actual.boxes[source])
+        assert on_border(route[-1], actual.boxes[target])
         assert all(0 <= x <= width and 0 <= y <= height for x, y in route)
         if source != target:
-            down = found.boxes[target].y > found.boxes[source].y
+            down = actual.boxes[target].y > actual.boxes[source].y
             assert all(
                 (one[1] <= other[1]) == down for one, other in pairwise(route) if one != other
             )
@@ -65,9 +65,9 @@ def test_any_graph(
 ) -> None:
     sizes, edges = graph
     bundles = ["one"] * len(edges) if bundled else ()
-    found = layered(sizes, edges, bundles=bundles)
-    check(found, edges)
-    assert layered(sizes, edges, bundles=bundles) == found
+    drawing = layered(sizes, edges, bundles=bundles)
+    check(drawing, edges)
+    assert layered(sizes, edges, bundles=bundles) == drawing
 
 
 def test_nothing() -> None:
@@ -76,46 +76,46 @@ def test_nothing() -> None:
 
 def test_a_chain_is_straight() -> None:
     edges = [(0, 1), (1, 2)]
-    found = layered([SIZE] * 3, edges)
-    check(found, edges)
-    assert len({box.x for box in found.boxes}) == 1
-    assert [box.y for box in found.boxes] == sorted(box.y for box in found.boxes)
-    assert all(len({x for x, _ in route}) == 1 for route in found.routes)
+    drawing = layered([SIZE] * 3, edges)
+    check(drawing, edges)
+    assert len({box.x for box in drawing.boxes}) == 1
+    assert [box.y for box in drawing.boxes] == sorted(box.y for box in drawing.boxes)
+    assert all(len({x for x, _ in route}) == 1 for route in drawing.routes)
 
 
 def test_a_back_edge_is_drawn_back_beside_what_it_passes() -> None:
     edges = [(0, 1), (1, 2), (2, 0)]
-    found = layered([SIZE] * 3, edges)
-    check(found, edges)
-    assert [box.y for box in found.boxes] == sorted(box.y for box in found.boxes)
-    back = found.routes[2]
+    drawing = layered([SIZE] * 3, edges)
+    check(drawing, edges)
+    assert [box.y for box in drawing.boxes] == sorted(box.y for box in drawing.boxes)
+    back = drawing.routes[2]
     assert back[0][1] > back[-1][1]
-    passed = [x for x, y in back if found.boxes[1].y <= y <= found.boxes[1].bottom]
+    passed = [x for x, y in back if drawing.boxes[1].y <= y <= drawing.boxes[1].bottom]
     assert passed
-    assert all(x < found.boxes[1].x or x > found.boxes[1].right for x in passed)
+    assert all(x < drawing.boxes[1].x or x > drawing.boxes[1].right for x in passed)
 
 
 def test_several_starts_stand_above_what_they_lead_to() -> None:
     edges = [(0, 1), (1, 2), (3, 2), (4, 4)]
-    found = layered([SIZE] * 5, edges)
-    check(found, edges)
-    assert found.boxes[3].y == found.boxes[1].y  # right above, and not at the very top
+    drawing = layered([SIZE] * 5, edges)
+    check(drawing, edges)
+    assert drawing.boxes[3].y == drawing.boxes[1].y  # right above, and not at the very top
 
 
 def test_two_cycles_with_one_way_between_them() -> None:
     edges = [(1, 0), (0, 1), (1, 2), (2, 3), (3, 2)]
-    found = layered([SIZE] * 4, edges)
-    check(found, edges)
-    assert max(found.boxes[0].y, found.boxes[1].y) < min(found.boxes[2].y, found.boxes[3].y)
+    drawing = layered([SIZE] * 4, edges)
+    check(drawing, edges)
+    assert max(drawing.boxes[0].y, drawing.boxes[1].y) < min(drawing.boxes[2].y, drawing.boxes[3].y)
 
 
 def test_parts_that_are_not_connected_stand_close_to_each_other() -> None:
     chain = [(number, number + 1) for number in range(9)]
     edges = [*chain, *((number, 9) for number in range(8)), (10, 11)]
-    found = layered([SIZE] * 12, edges)
-    check(found, edges)
-    others = max(box.right for box in found.boxes[:10])
-    assert found.boxes[10].x < others + 3 * SIZE[0]
+    drawing = layered([SIZE] * 12, edges)
+    check(drawing, edges)
+    others = max(box.right for box in drawing.boxes[:10])
+    assert drawing.boxes[10].x < others + 3 * SIZE[0]
 
 
 def test_edges_of_a_bundle_share_their_line_to_a_common_end() -> None:
@@ -128,14 +128,16 @@ def test_edges_of_a_bundle_share_their_line_to_a_common_end() -> None:
 
 def test_edges_of_circles_end_in_the_middle() -> None:
     edges = [(0, 2), (1, 2)]
-    found = layered([SIZE] * 3, edges, circles=[2])
-    assert {route[-1] for route in found.routes} == {(found.boxes[2].middle[0], found.boxes[2].y)}
+    drawing = layered([SIZE] * 3, edges, circles=[2])
+    assert {route[-1] for route in drawing.routes} == {
+        (drawing.boxes[2].middle[0], drawing.boxes[2].y)
+    }
 
 
 def test_a_loop_stands_beside_its_node() -> None:
-    found = layered([SIZE], [(0, 0)])
-    check(found, [(0, 0)])
-    assert max(x for x, _ in found.routes[0]) > found.boxes[0].right
+    drawing = layered([SIZE], [(0, 0)])
+    check(drawing, [(0, 0)])
+    assert max(x for x, _ in drawing.routes[0]) > drawing.boxes[0].right
 
 
 def test_hundreds_of_nodes_that_lead_to_one() -> None:

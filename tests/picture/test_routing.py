@@ -47,18 +47,18 @@ def touches(point: Point, box: Box) -> bool:
 
 
 def routes(automaton: Automaton, *, around: bool) -> None:
-    found = layout(automaton)
-    router = Router(found, failing_joins(automaton))
+    drawing = layout(automaton)
+    router = Router(drawing, failing_joins(automaton))
     for source, event, target in automaton.edges:
-        if not found.nodes[target].width:
+        if not drawing.nodes[target].width:
             continue
         route = router.route(source, event, target)
-        assert touches(route[0], found.nodes[source])
-        assert touches(route[-1], found.nodes[target])
-        assert all(0 <= x <= found.size[0] and 0 <= y <= found.size[1] for x, y in route)
+        assert touches(route[0], drawing.nodes[source])
+        assert touches(route[-1], drawing.nodes[target])
+        assert all(0 <= x <= drawing.size[0] and 0 <= y <= drawing.size[1] for x, y in route)
         for one, other in pairwise(route):
             assert one[0] == other[0] or one[1] == other[1]
-            for node, box in enumerate(found.nodes):
+            for node, box in enumerate(drawing.nodes):
                 if around and node not in (source, target):
                     assert not crosses(one, other, box), (source, event, target, node)
 

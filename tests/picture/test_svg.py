@@ -27,8 +27,8 @@ ATTRIBUTES = {
 
 
 def elements(svg: str, tag: str, word: str = "") -> list[etree._Element]:
-    found = etree.fromstring(svg.encode()).iter(SVG + tag)
-    return [each for each in found if not word or word in each.get("class", "").split()]
+    result = etree.fromstring(svg.encode()).iter(SVG + tag)
+    return [each for each in result if not word or word in each.get("class", "").split()]
 
 
 def texts(svg: str, word: str) -> list[str]:

@@ -39,11 +39,11 @@ class Snippet:
 
 def snippets(page: Path) -> list[Snippet]:
     """The blocks of a page that have a language."""
-    found = []
+    results = []
     for match in _FENCE.finditer(page.read_text(encoding="utf-8")):
         title = _TITLE.match(match["text"])
-        found.append(Snippet(match["language"], title["file"] if title else "", match["text"]))
-    return found
+        results.append(Snippet(match["language"], title["file"] if title else "", match["text"]))
+    return results
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def test_a_plan_that_is_refused_fails_and_is_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "code"),
+    ("written", "code"),
     [
         ({"paths": "\n  \n"}, 2),
         ({"paths": "missing.xml"}, 2),
@@ -54,9 +54,9 @@ def test_a_plan_that_is_refused_fails_and_is_reported(tmp_path: Path) -> None:
         ({"paths": "plans; true\n$(true)", "arguments": "`true`"}, 2),
     ],
 )
-def test_everything_else_fails(tmp_path: Path, given: dict[str, str], code: int) -> None:
+def test_everything_else_fails(tmp_path: Path, written: dict[str, str], code: int) -> None:
     """Inputs are data: neither options among the paths nor a shell's words have an effect."""
-    ran = run_action(ACTION, make_place(tmp_path, plans=GOOD), given)
+    ran = run_action(ACTION, make_place(tmp_path, plans=GOOD), written)
     assert (ran.failed, ran.code, ran.outputs["accepted"]) == (True, code, "false"), ran.log
     assert "Traceback" not in ran.log
 
@@ -71,13 +71,13 @@ def test_an_old_report_is_not_taken_for_a_new_one(tmp_path: Path) -> None:
 
 def test_paths_and_arguments_are_lines(tmp_path: Path) -> None:
     plans = {"more plans/a b.xml": GOOD["plans/a.xml"], **GOOD}
-    given = {
+    values = {
         "paths": "more plans\nplans/a.xml\n",
         "arguments": "--assume=never fails: WaypointRunner\n--fail-on=warning\n",
         "upload-sarif": False,
         "sarif-file": "out file.sarif",
     }
-    ran = run_action(ACTION, make_place(tmp_path, plans=plans), given)
+    ran = run_action(ACTION, make_place(tmp_path, plans=plans), values)
     assert (ran.failed, ran.outputs["accepted"]) == (False, "true"), ran.log
     assert "2 plans: 2 accepted" in ran.log
     assert ran.outputs["sarif-file"] == "out file.sarif"

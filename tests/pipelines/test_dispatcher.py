@@ -64,14 +64,14 @@ def test_only_what_is_accepted_is_run(dispatcher: subprocess.Popen[str], tmp_pat
     for file in ("refused/bad.xml", "refused/empty.xml", "done/good.xml"):
         wait_for(tmp_path / file)
     dispatcher.send_signal(signal.SIGTERM)
-    told, _ = dispatcher.communicate(timeout=60)
+    output, _ = dispatcher.communicate(timeout=60)
     assert dispatcher.returncode == 0
-    assert "bad.xml: rejected: findings" in told
-    assert "empty.xml: rejected: empty" in told
+    assert "bad.xml: rejected: findings" in output
+    assert "empty.xml: rejected: empty" in output
     accepted = "good.xml: accepted (structure only: no task was given)"
-    assert f"{accepted}\ngood.xml: COMPLETED after" in told
-    assert told.endswith("stopped\n")
-    assert "Traceback" not in told
+    assert f"{accepted}\ngood.xml: COMPLETED after" in output
+    assert output.endswith("stopped\n")
+    assert "Traceback" not in output
     for name, accepted in (("refused/bad", False), ("refused/empty", False), ("done/good", True)):
         receipt = json.loads((tmp_path / f"{name}.xml.json").read_text(encoding="utf-8"))
         assert receipt["accepted"] is accepted

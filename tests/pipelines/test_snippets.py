@@ -28,8 +28,8 @@ HOOKS = {each["id"]: each for each in yaml.safe_load(HOOKS_FILE.read_text("utf-8
 
 
 def snippet(file: str) -> Snippet:
-    (found,) = (each for each in SNIPPETS if each.file == file)
-    return found
+    (result,) = (each for each in SNIPPETS if each.file == file)
+    return result
 
 
 def test_no_snippet_is_left_out() -> None:
@@ -63,8 +63,8 @@ PRINTED = [
 @pytest.mark.parametrize("number", range(len(PRINTED)))
 def test_python(tmp_path: Path, number: int) -> None:
     text = [each.text for each in SNIPPETS if each.language == "python"][number]
-    first, second, told_first, told_second = PRINTED[number]
-    for name, plans, told in (("one", first, told_first), ("two", second, told_second)):
+    first, second, message, messages = PRINTED[number]
+    for name, plans, notice in (("one", first, message), ("two", second, messages)):
         place = make_place(tmp_path / name, plans=plans)
         (place.folder / "shown.py").write_text(text, encoding="utf-8")
         done = run_forked(
@@ -76,7 +76,7 @@ def test_python(tmp_path: Path, number: int) -> None:
             module="shown",
         )
         assert (done.returncode, done.stderr) == (0, b"")
-        assert re.fullmatch(told, done.stdout.decode())
+        assert re.fullmatch(notice, done.stdout.decode())
 
 
 def pre_commit(place: Place, config: dict[str, Any]) -> subprocess.CompletedProcess[str]:

@@ -30,20 +30,22 @@ PAGES = [*REPO.glob("*.md"), *(REPO / "docs").rglob("*.md"), *(REPO / "editors")
 
 
 def jobs(name: str) -> dict[str, dict[str, Any]]:
-    found: dict[str, dict[str, Any]] = yaml.safe_load((WORKFLOWS / name).read_text("utf-8"))["jobs"]
-    return found
+    results: dict[str, dict[str, Any]] = yaml.safe_load((WORKFLOWS / name).read_text("utf-8"))[
+        "jobs"
+    ]
+    return results
 
 
 def all_steps() -> list[dict[str, Any]]:
     """The steps of our workflows, of our action, and of those that the pages show."""
-    found: list[dict[str, Any]] = list(ACTION["runs"]["steps"])
+    steps: list[dict[str, Any]] = list(ACTION["runs"]["steps"])
     for file in WORKFLOWS.iterdir():
-        found += [step for job in jobs(file.name).values() for step in job["steps"]]
+        steps += [step for job in jobs(file.name).values() for step in job["steps"]]
     for page in PAGES:
         for each in snippets(page):
             if each.language in ("yaml", "yml") and "uses:" in each.text:
-                found += steps_in(yaml.safe_load(each.text))
-    return found
+                steps += steps_in(yaml.safe_load(each.text))
+    return steps
 
 
 def steps_in(value: object) -> list[dict[str, Any]]:
@@ -157,7 +159,7 @@ def test_what_is_built(tmp_path: Path, published: Path) -> None:
     sums = subprocess.run(["sha256sum", "-c", "SHA256SUMS"], cwd=assets, check=False)
     assert sums.returncode == 0
     assert len((assets / "SHA256SUMS").read_text("utf-8").splitlines()) == len(names) - 1
-    uploaded = [given for name, given in ran.used if name.startswith("actions/upload-artifact@")]
+    uploaded = [value for name, value in ran.used if name.startswith("actions/upload-artifact@")]
     assert [each["path"] for each in uploaded] == ["dist", "assets"]
     assert log(place, "make") == ["extension"]
 

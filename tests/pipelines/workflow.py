@@ -36,14 +36,14 @@ class Ran:
     summary: str = ""
 
 
-def run_action(file: Path, place: Place, given: Mapping[str, object]) -> Ran:
+def run_action(file: Path, place: Place, inputs: Mapping[str, object]) -> Ran:
     """Run a composite action with these inputs, as ``with:`` gives them."""
     action = yaml.safe_load(file.read_text(encoding="utf-8"))
-    assert set(given) <= set(action["inputs"]), "the action has no such input"
+    assert set(inputs) <= set(action["inputs"]), "the action has no such input"
     names = {"github.action_path": str(file.parent)}
     for name, about in action["inputs"].items():
-        assert name in given or not about.get("required"), f"the input {name} is required"
-        value = given.get(name, about.get("default", ""))
+        assert name in inputs or not about.get("required"), f"the input {name} is required"
+        value = inputs.get(name, about.get("default", ""))
         names[f"inputs.{name}"] = str(value).lower() if isinstance(value, bool) else str(value)
     ran = _run_steps(action["runs"]["steps"], place, names, {})
     ran.outputs = {
@@ -99,7 +99,7 @@ def _run_step(
 
 
 def _filled(text: object, names: Mapping[str, str]) -> str:
-    return _EXPRESSION.sub(lambda found: _value(found[1], names), str(text))
+    return _EXPRESSION.sub(lambda actual: _value(actual[1], names), str(text))
 
 
 def _holds(condition: object, names: Mapping[str, str]) -> bool:

@@ -36,8 +36,8 @@ def _node(element: ET.Element) -> C | R:
         kind = element.get("type")
         assert kind in ("sequential", "recovery", "parallel_any", "parallel_all")
         return C(kind, tuple(map(_node, element)))
-    given = [f"{n}={v}" for n, v in element.attrib.items() if n not in _NO_PARAMETERS]
-    return R(" ".join([element.attrib["interface"], *given]))
+    attributes = [f"{n}={v}" for n, v in element.attrib.items() if n not in _NO_PARAMETERS]
+    return R(" ".join([element.attrib["interface"], *attributes]))
 
 
 class OnEngine:

@@ -45,7 +45,7 @@ def runner(rng: Random) -> str:
     quote = rng.choice("\"'")
     pieces = (*PIECES, "&") if rng.random() < 0.1 else PIECES
     value = "".join(rng.choice(pieces) for _ in range(rng.randint(0, 4))).replace(quote, "")
-    given = (
+    written = (
         f" text={quote}{value}{quote}",
         ' x="1"',
         "\n   x='2.0' y=\"1e-9\"",
@@ -54,7 +54,9 @@ def runner(rng: Random) -> str:
         ' text="42"',
     )
     name = rng.choice(NAMES) if rng.random() < 0.98 else ""
-    tag = f'<Runner{rng.choice((" ", "  "))}interface="{name}" provider="{name}"{rng.choice(given)}'
+    tag = (
+        f'<Runner{rng.choice((" ", "  "))}interface="{name}" provider="{name}"{rng.choice(written)}'
+    )
     return tag + rng.choice(("/>", " />", "></Runner>", f">{between(rng)}</Runner>"))
 
 
@@ -96,22 +98,22 @@ def alike(one: str, other: str) -> bool:
 def test_odd_texts(engine: str, rng: Random, unsafe: bool) -> None:
     text = text_of(rng)
     try:
-        found = port(text.encode(), engine, unsafe=unsafe)
+        ported = port(text.encode(), engine, unsafe=unsafe)
     except UnclearError:
         return
-    if found.text is None:
-        assert found.losses
+    if ported.text is None:
+        assert ported.losses
         return
-    again = port(found.text if found.changed else text.encode(), engine)
-    assert again.text == found.text
+    again = port(ported.text if ported.changed else text.encode(), engine)
+    assert again.text == ported.text
     assert not again.changed
-    if found.losses:
+    if ported.losses:
         return
     try:
         meant = values(text)
     except ET.ParseError:
         return  # it was mended
-    for attributes in values(found.text):
+    for attributes in values(ported.text):
         assert any(
             attributes.keys() == was.keys()
             and all(alike(attributes[name], was[name]) for name in was)

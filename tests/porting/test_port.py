@@ -29,14 +29,14 @@ def ported(text: str, engine: str, *, unsafe: bool = False) -> Ported:
 @both
 @given(whole=plans(max_runners=5))
 def test_ported_plans(engine: str, whole: P) -> None:
-    found = ported(to_xml(whole), engine)
-    assert (found.text is None) == bool(found.losses)
-    if found.text is None:
-        assert not found.changed
+    port_result = ported(to_xml(whole), engine)
+    assert (port_result.text is None) == bool(port_result.losses)
+    if port_result.text is None:
+        assert not port_result.changed
         return
-    assert distance(whole, abstract(found.text)) is None
-    assert unfaithful(found.text, engine) is None
-    assert found.changed == (found.text != found.original)
+    assert distance(whole, abstract(port_result.text)) is None
+    assert unfaithful(port_result.text, engine) is None
+    assert port_result.changed == (port_result.text != port_result.original)
 
 
 @both
@@ -58,11 +58,11 @@ def test_a_plan_that_is_right_stays_and_no_other_does(engine: str, text: str) ->
 
     That an engine dies when the plan has completed is not seen by who watches until then.
     """
-    found = ported(text, engine)
+    port_result = ported(text, engine)
     if unfaithful(text, engine) is not None:
-        assert found.text != text
-    elif found.text != text:
-        assert found.text is None
+        assert port_result.text != text
+    elif port_result.text != text:
+        assert port_result.text is None
         assert engine == "fabric-v1" or "OccupancyGrid" in text
         assert "parallel_any" in text
 
@@ -109,11 +109,11 @@ AT_ONCE = C("parallel_any", (R("a/Go"), C("sequential", ())))
 @example(whole=behind_what_goes_on(C("sequential", (R("a/Go"), C("recovery", (AT_ONCE,))))))
 def test_the_unsafe_reading_does_nothing_that_the_plan_does_not(engine: str, whole: P) -> None:
     whole = with_numbers(whole)
-    found = ported(to_xml(whole), engine, unsafe=True)
-    assert found.text is not None
-    assert unfaithful(found.text, engine) is None
-    assert bool(found.losses) == (found.change is not None)
-    other = abstract(found.text)
+    port_result = ported(to_xml(whole), engine, unsafe=True)
+    assert port_result.text is not None
+    assert unfaithful(port_result.text, engine) is None
+    assert bool(port_result.losses) == (port_result.change is not None)
+    other = abstract(port_result.text)
     here, there = Observed(whole), Observed(other)
     names = [placed.node.action for placed in place(whole).walk() if isinstance(placed.node, R)]
     others = [placed.node.action for placed in place(other).walk() if isinstance(placed.node, R)]
@@ -123,11 +123,11 @@ def test_the_unsafe_reading_does_nothing_that_the_plan_does_not(engine: str, who
         done, how = maximal(there, tuple(outcomes[each] for each in number))
         assert {number[each] for each in done} <= meant
         assert how != "completed" or end == "completed"
-    if found.change is not None:
+    if port_result.change is not None:
         apart = distance(whole, other)
         assert apart is not None
-        assert found.change.difference is not None
-        assert len(found.change.difference.steps) == apart
+        assert port_result.change.difference is not None
+        assert len(port_result.change.difference.steps) == apart
 
 
 def test_nothing_follows_where_steps_are_left_out() -> None:
@@ -139,9 +139,9 @@ def test_nothing_follows_where_steps_are_left_out() -> None:
         f'<Plan>{first}<Control type="parallel_any">{second}{row}</Control>'
         f'<Control type="recovery">{last}</Control></Plan>'
     )
-    found = ported(text, "fabric-v2", unsafe=True)
-    assert found.text == f"<Plan>{first}{second}</Plan>"
-    assert [loss.instead.partition(",")[0].partition(";")[0] for loss in found.losses] == [
+    port_result = ported(text, "fabric-v2", unsafe=True)
+    assert port_result.text == f"<Plan>{first}{second}</Plan>"
+    assert [loss.instead.partition(",")[0].partition(";")[0] for loss in port_result.losses] == [
         "the steps run in sequence",
         "it is removed as well",
     ]

@@ -32,11 +32,11 @@ SPELLINGS = st.one_of(
 def test_the_engine_reads_the_type_and_safe_means_the_same_value(
     text: str, wanted: ValueType
 ) -> None:
-    found = respelled(text, wanted)
-    if found is None:
+    spelling = respelled(text, wanted)
+    if spelling is None:
         return
-    assert typed_by_engine("x", found.text).type is OPTIONS[wanted]
-    assert found.safe == (value_key(typed(found.text)) == value_key(typed(text)))
+    assert typed_by_engine("x", spelling.text).type is OPTIONS[wanted]
+    assert spelling.safe == (value_key(typed(spelling.text)) == value_key(typed(text)))
 
 
 @pytest.mark.parametrize(
@@ -88,26 +88,29 @@ def speech(text: str) -> str:
 
 def test_an_integer_becomes_a_double_in_place() -> None:
     text = f"<Plan>\n\n{waypoint('1')}<!-- c -->\n</Plan>\n"
-    found = port(text, "fabric-v2")
-    assert found.text == text.replace('x="1"', 'x="1.0"')
-    assert [note.text for note in found.notes] == [
+    ported = port(text, "fabric-v2")
+    assert ported.text == text.replace('x="1"', 'x="1.0"')
+    assert [note.text for note in ported.notes] == [
         'x="1" is changed to x="1.0", which fabric-v2 reads as a double'
     ]
-    assert (found.notes[0].line, found.notes[0].column) == (3, text.splitlines()[2].find("x=") + 1)
+    assert (ported.notes[0].line, ported.notes[0].column) == (
+        3,
+        text.splitlines()[2].find("x=") + 1,
+    )
 
 
 def test_the_first_version_does_not_type() -> None:
     text = f"<Plan>{waypoint('1')}</Plan>"
-    found = port(text, "fabric-v1")
-    assert found.text == text
-    assert not found.changed
+    ported = port(text, "fabric-v1")
+    assert ported.text == text
+    assert not ported.changed
 
 
 def test_another_value_is_unsafe() -> None:
     text = f"<Plan>{speech('42')}</Plan>"
-    found = port(text, "fabric-v2")
-    assert found.text is None
-    assert [loss.instead for loss in found.losses] == ['text="42 ", which is a different value']
+    ported = port(text, "fabric-v2")
+    assert ported.text is None
+    assert [loss.instead for loss in ported.losses] == ['text="42 ", which is a different value']
     unsafe = port(text, "fabric-v2", unsafe=True)
     assert unsafe.text == text.replace("'42'", "'42 '")
     assert unsafe.change is not None
@@ -115,16 +118,16 @@ def test_another_value_is_unsafe() -> None:
 
 
 def test_what_cannot_be_written_is_not_even_unsafe() -> None:
-    found = port(f"<Plan>{waypoint('far')}</Plan>", "fabric-v2", unsafe=True)
-    assert found.text is None
-    assert [loss.instead for loss in found.losses] == [""]
+    ported = port(f"<Plan>{waypoint('far')}</Plan>", "fabric-v2", unsafe=True)
+    assert ported.text is None
+    assert [loss.instead for loss in ported.losses] == [""]
 
 
 def test_lost_decimals_are_told() -> None:
     text = f"<Plan>{waypoint('0.12345678')}</Plan>"
-    found = port(text, "fabric-v2")
-    assert found.text == text
-    assert not found.changed
-    assert [note.text for note in found.notes] == [
+    ported = port(text, "fabric-v2")
+    assert ported.text == text
+    assert not ported.changed
+    assert [note.text for note in ported.notes] == [
         'fabric-v2 reads x="0.12345678" as 0.123457; this cannot be fixed'
     ]

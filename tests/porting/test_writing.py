@@ -12,14 +12,14 @@ A, B, C, D = (f'<Runner name="r" interface="a/{n}" provider="a/{n}" k=\'1\'/>' f
 
 
 def ported(text: str | bytes, engine: str = "fabric-v2") -> str:
-    found = port(text, engine, capabilities=EMPTY)
-    assert found.text is not None, found.losses
-    return found.text
+    outcome = port(text, engine, capabilities=EMPTY)
+    assert outcome.text is not None, outcome.losses
+    return outcome.text
 
 
 def notes(text: str) -> list[str]:
-    found = port(text, "fabric-v2", capabilities=EMPTY)
-    return [f"{note.line}:{note.column} {note.text}" for note in found.notes]
+    outcome = port(text, "fabric-v2", capabilities=EMPTY)
+    return [f"{note.line}:{note.column} {note.text}" for note in outcome.notes]
 
 
 def test_comments_labels_and_layout_stay() -> None:
@@ -167,16 +167,16 @@ def test_the_engine_reads_utf_8_only() -> None:
     text = (
         '<?xml version="1.0" encoding="UTF-16"?><Plan><Runner interface="a/Ä" provider="b"/></Plan>'
     )
-    found = port(text.encode("utf-16"), "fabric-v2", capabilities=EMPTY)
-    assert found.changed
-    assert found.text == text.replace(' encoding="UTF-16"', "")
+    outcome = port(text.encode("utf-16"), "fabric-v2", capabilities=EMPTY)
+    assert outcome.changed
+    assert outcome.text == text.replace(' encoding="UTF-16"', "")
 
 
 @pytest.mark.parametrize("text", ["<Plan/>", "<Plan></Plan>", "\ufeff<Plan><!-- --></Plan>"])
 def test_an_empty_plan_completes_at_once(text: str) -> None:
-    found = port(text.encode(), "fabric-v2", capabilities=EMPTY)
-    assert not found.changed
-    assert found.text == text.removeprefix("\ufeff")
+    outcome = port(text.encode(), "fabric-v2", capabilities=EMPTY)
+    assert not outcome.changed
+    assert outcome.text == text.removeprefix("\ufeff")
 
 
 def test_a_text_without_a_clear_plan_is_refused() -> None:

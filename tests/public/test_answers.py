@@ -31,10 +31,10 @@ def answers(tmp_path: Path) -> list[str]:
 
 def test_grade_is_what_the_command_prints(answers: list[str], tmp_path: Path) -> None:
     task = tmp_path / "task.yaml"
-    found = gpsfsm.grade(answers, task)
+    graded = gpsfsm.grade(answers, task)
     printed = run("grade", "--task", str(task), "--table", "json", *answers).stdout
-    assert found.to_dict() == json.loads(printed)
-    assert [each.grade for each in found.grades] == ["success", "partial", "failed"]
+    assert graded.to_dict() == json.loads(printed)
+    assert [each.grade for each in graded.grades] == ["success", "partial", "failed"]
 
 
 def test_a_text_is_graded_as_it_is() -> None:
@@ -43,10 +43,10 @@ def test_a_text_is_graded_as_it_is() -> None:
 
 
 def test_progress_is_told_after_each_item(answers: list[str]) -> None:
-    told: list[tuple[int, int | None]] = []
+    counts: list[tuple[int, int | None]] = []
 
     def progress(done: int, total: int | None) -> None:
-        told.append((done, total))
+        counts.append((done, total))
 
     expected = [(1, 3), (2, 3), (3, 3)]
     for call in (
@@ -55,29 +55,29 @@ def test_progress_is_told_after_each_item(answers: list[str]) -> None:
         lambda: gpsfsm.rewards([GOOD, "no", ""], TASK, progress=progress),
         lambda: gpsfsm.fuzz(GOOD, runs=3, progress=progress),
     ):
-        told.clear()
+        counts.clear()
         call()
-        assert told == expected
-    told.clear()
+        assert counts == expected
+    counts.clear()
     gpsfsm.check(GOOD, progress=progress)
-    assert told == [(1, 1)]
-    told.clear()
+    assert counts == [(1, 1)]
+    counts.clear()
     evaluate([], "experiments/navigation", progress=progress)
-    assert told == []
+    assert counts == []
 
 
 def test_generate_is_what_the_command_prints(tmp_path: Path) -> None:
     printed = run("generate", WORDS, "--model", MODEL, "--no-journal", "--format", "json").stdout
-    told: list[tuple[int, int | None]] = []
+    steps: list[tuple[int, int | None]] = []
     journal = tmp_path / "kept.db"
-    found = gpsfsm.generate(
-        WORDS, model=MODEL, journal=journal, progress=lambda *both: told.append(both)
+    generated = gpsfsm.generate(
+        WORDS, model=MODEL, journal=journal, progress=lambda *both: steps.append(both)
     )
-    assert found.accepted
-    assert found.to_dict() == json.loads(printed)
-    assert told == [(done, 3) for done in range(1, len(found.attempts) + 1)]
+    assert generated.accepted
+    assert generated.to_dict() == json.loads(printed)
+    assert steps == [(done, 3) for done in range(1, len(generated.attempts) + 1)]
     assert b"a plan was accepted" in run("attempts", str(journal)).stdout
-    assert asyncio.run(gpsfsm.generate_async(WORDS, model=MODEL)).plan == found.plan
+    assert asyncio.run(gpsfsm.generate_async(WORDS, model=MODEL)).plan == generated.plan
 
 
 def test_an_event_loop_goes_on_while_an_answer_is_checked(

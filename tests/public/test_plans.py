@@ -81,11 +81,11 @@ def test_fix_heeds_its_options() -> None:
 
 
 def test_diff_is_what_the_command_prints(files: tuple[str, str]) -> None:
-    found = gpsfsm.diff(*files)
-    assert not found
-    assert not found.equal
-    assert "starts Go" in str(found)
-    assert found.to_dict() == json.loads(run("diff", "--format", "json", *files).stdout)
+    difference = gpsfsm.diff(*files)
+    assert not difference
+    assert not difference.equal
+    assert "starts Go" in str(difference)
+    assert difference.to_dict() == json.loads(run("diff", "--format", "json", *files).stdout)
     same = gpsfsm.diff(files[0], PLAN)
     assert same
     assert str(same) == "the plans do the same"

@@ -25,17 +25,17 @@ def quick(played: gpsfsm.Run) -> bool:
 def test_fuzz_is_what_the_command_prints(tmp_path: Path) -> None:
     file = tmp_path / "plan.xml"
     file.write_text(PLAN)
-    found = gpsfsm.fuzz(file, runs=50, seed=3)
+    campaign = gpsfsm.fuzz(file, runs=50, seed=3)
     printed = run("fuzz", str(file), "--runs", "50", "--seed", "3", "--format", "json").stdout
-    assert found.to_dict() == json.loads(printed)
-    assert found.ok
+    assert campaign.to_dict() == json.loads(printed)
+    assert campaign.ok
 
 
 def test_fuzz_takes_functions_and_keeps_cases(tmp_path: Path) -> None:
     corpus = tmp_path / "cases"
-    found = gpsfsm.fuzz(PLAN, runs=5, properties=[quick], corpus=corpus)
-    assert not found.ok
-    assert [each.rule for each in found.findings]
+    campaign = gpsfsm.fuzz(PLAN, runs=5, properties=[quick], corpus=corpus)
+    assert not campaign.ok
+    assert [each.rule for each in campaign.findings]
     assert list(corpus.iterdir())
     again = gpsfsm.fuzz(PLAN, runs=1, properties=[quick], corpus=corpus)
     assert again.replayed == (len(list(corpus.iterdir())), 0)

@@ -50,8 +50,8 @@ def test_every_field_is_described() -> None:
 
 
 def _block(text: str, language: str) -> str:
-    (found,) = re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
-    return str(found)
+    (result,) = re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+    return str(result)
 
 
 def _properties(part: Any) -> list[str]:

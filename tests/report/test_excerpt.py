@@ -19,8 +19,8 @@ def columns(text: str) -> int:
 
 
 def show(line: str, column: int, length: int = 0, limit: int = 60) -> str:
-    found = excerpt(line, column, length=length, limit=limit)
-    return f"{found.text}\n{' ' * found.offset}{'^' * found.carets}"
+    lines = excerpt(line, column, length=length, limit=limit)
+    return f"{lines.text}\n{' ' * lines.offset}{'^' * lines.carets}"
 
 
 @pytest.mark.parametrize(
@@ -64,18 +64,18 @@ def test_a_line_that_fits_exactly_is_not_clipped() -> None:
 
 
 def test_an_underline_ends_where_the_line_is_clipped() -> None:
-    found = excerpt("x" * 1000, 1, length=900, limit=20)
-    assert found.carets == 18
+    lines = excerpt("x" * 1000, 1, length=900, limit=20)
+    assert lines.carets == 18
 
 
 @given(ANY_LINE, st.integers(-3, 400), st.integers(-1, 400), st.integers(36, 116))
 def test_any_line_fits_its_limit(line: str, column: int, length: int, limit: int) -> None:
-    found = excerpt(line, column, length=length, limit=limit)
-    assert columns(found.text) <= limit
-    assert 0 <= found.offset <= limit
-    assert 1 <= found.carets <= limit
-    assert not any(ord(c) < 0x20 or 0x7F <= ord(c) < 0xA0 for c in found.text)
-    found.text.encode()
+    lines = excerpt(line, column, length=length, limit=limit)
+    assert columns(lines.text) <= limit
+    assert 0 <= lines.offset <= limit
+    assert 1 <= lines.carets <= limit
+    assert not any(ord(c) < 0x20 or 0x7F <= ord(c) < 0xA0 for c in lines.text)
+    lines.text.encode()
 
 
 @given(st.text("ab\t世e\u0301\x1b", max_size=200), st.data())
@@ -83,9 +83,9 @@ def test_the_caret_is_under_the_character(line: str, data: st.DataObject) -> Non
     line += "#"  # the only one: where it is shown can be seen
     place = len(line)
     line += data.draw(st.text("ab\t世", max_size=200))
-    found = excerpt(line, place, length=1, limit=60)
-    assert columns(found.text[: found.text.index("#")]) == found.offset
-    assert found.carets == 1
+    lines = excerpt(line, place, length=1, limit=60)
+    assert columns(lines.text[: lines.text.index("#")]) == lines.offset
+    assert lines.carets == 1
 
 
 GO = (
@@ -132,9 +132,9 @@ SAY = (
 def test_a_long_runner_loses_what_is_the_same_everywhere(
     line: str, marked: str, limit: int, expected: str
 ) -> None:
-    found = excerpt(line, line.index(marked) + 1, length=len(marked), limit=limit)
-    assert found.text == expected
-    assert found.text[found.offset : found.offset + found.carets] == marked
+    lines = excerpt(line, line.index(marked) + 1, length=len(marked), limit=limit)
+    assert lines.text == expected
+    assert lines.text[lines.offset : lines.offset + lines.carets] == marked
 
 
 NAMES = st.sampled_from(["interface", "provider", "x", "text"])
@@ -153,12 +153,12 @@ TAGS = st.builds(
 def test_above_the_carets_stands_what_they_mark(line: str, data: st.DataObject) -> None:
     start = data.draw(st.integers(0, len(line) - 1))
     length = data.draw(st.integers(1, len(line) - start))
-    found = excerpt(line, start + 1, length=length, limit=data.draw(st.integers(36, 116)))
-    above = found.text[found.offset : found.offset + found.carets]
+    lines = excerpt(line, start + 1, length=length, limit=data.draw(st.integers(36, 116)))
+    above = lines.text[lines.offset : lines.offset + lines.carets]
     marked = line[start : start + length]
     assert marked.startswith(above)
-    cut_off = found.text.endswith("…") and found.offset + found.carets == len(found.text) - 1
-    assert found.carets == length or cut_off or not marked[len(above) :].strip()
+    cut_off = lines.text.endswith("…") and lines.offset + lines.carets == len(lines.text) - 1
+    assert lines.carets == length or cut_off or not marked[len(above) :].strip()
 
 
 def test_a_huge_line_takes_no_time() -> None:

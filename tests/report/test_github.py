@@ -17,9 +17,9 @@ COMMAND = re.compile(r"::(?P<name>error|warning|notice) (?P<properties>[^:]*)::(
 def commands(report: Report) -> list[re.Match[str]]:
     *lines, total = render(report, "github").splitlines()
     assert not total.startswith("::")
-    found = [COMMAND.fullmatch(line) for line in lines]
-    assert None not in found
-    return [match for match in found if match is not None]
+    matches = [COMMAND.fullmatch(line) for line in lines]
+    assert None not in matches
+    return [match for match in matches if match is not None]
 
 
 def test_the_most_severe_come_first() -> None:

@@ -15,14 +15,14 @@ SEVERITIES = {"info", "minor", "major", "critical", "blocker"}
 
 
 def entries(report: Report) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads(render(report, "gitlab"))
-    return found
+    document: list[dict[str, Any]] = json.loads(render(report, "gitlab"))
+    return document
 
 
 def test_every_entry_has_what_gitlab_asks_for() -> None:
-    found = [each for sample in SAMPLES.values() for each in entries(sample)]
-    assert found
-    for each in found:
+    actual = [each for sample in SAMPLES.values() for each in entries(sample)]
+    assert actual
+    for each in actual:
         assert set(each) == {"description", "check_name", "fingerprint", "severity", "location"}
         assert each["severity"] in SEVERITIES
         assert each["description"]
@@ -35,9 +35,9 @@ def test_no_findings_are_an_empty_list() -> None:
 
 
 def test_a_plan_that_is_refused_is_never_passed_over() -> None:
-    for plan, told in ((MISSING, "is undecided"), (BROKEN, "is rejected")):
+    for plan, message in ((MISSING, "is undecided"), (BROKEN, "is rejected")):
         (only,) = entries(Report((replace(plan, findings=()),)))
-        assert (only["severity"], told in only["description"]) == ("critical", True)
+        assert (only["severity"], message in only["description"]) == ("critical", True)
 
 
 def test_a_fingerprint_follows_the_element_and_no_two_are_equal() -> None:

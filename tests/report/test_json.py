@@ -17,8 +17,8 @@ VALIDATOR = jsonschema.Draft202012Validator(schema())
 
 
 def read(report: Report) -> dict[str, object]:
-    found: dict[str, object] = json.loads(render(report, "json"))
-    return found
+    document: dict[str, object] = json.loads(render(report, "json"))
+    return document
 
 
 def test_the_schema_is_a_schema() -> None:
@@ -104,9 +104,9 @@ def test_any_text_is_written_in_ascii_and_read_back(text: str) -> None:
     output = render(Report((replace(GIVES_UP, findings=(finding,)),)), "json")
     assert output.isascii()
     json.loads(output.encode())
-    found = json.loads(output)["plans"][0]["findings"][0]["message"]
-    assert found.encode() == found.encode("utf-8", "strict")
-    assert found == text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+    message = json.loads(output)["plans"][0]["findings"][0]["message"]
+    assert message.encode() == message.encode("utf-8", "strict")
+    assert message == text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
 def test_a_hundred_thousand_unreachable_runners_are_all_listed() -> None:

@@ -39,10 +39,10 @@ OURS = {
 def kinds(text: str) -> set[str]:
     """What a reader of Markdown finds in a text."""
     reader = pytest.importorskip("markdown_it").MarkdownIt("commonmark").enable("table")
-    found = reader.parse(text)
-    inner = [child for token in found for child in token.children or ()]
+    parsed = reader.parse(text)
+    inner = [child for token in parsed for child in token.children or ()]
     ends = ("_open", "_close")
-    names = (token.type for token in [*found, *inner])
+    names = (token.type for token in [*parsed, *inner])
     return {name.removesuffix(ends[0]).removesuffix(ends[1]) for name in names}
 
 
@@ -58,12 +58,12 @@ def test_text_from_a_plan_is_text(text: str) -> None:
 
 @given(MARKUP | ANY_TEXT.map(lambda text: text.replace("\x00", "")))
 def test_pictures_of_hostile_plans_stay_in_their_fence(text: str) -> None:
-    told = escape(text, {'"': "&quot;", "\n": " "})
-    named = f'<Plan><Runner interface="{told}" provider="{told}" x="{told}"/></Plan>'
+    escaped = escape(text, {'"': "&quot;", "\n": " "})
+    named = f'<Plan><Runner interface="{escaped}" provider="{escaped}" x="{escaped}"/></Plan>'
     plan = replace(hostile("x").plans[0], source=named, facts=None)
-    found = render(Report((plan,)), "markdown")
-    assert kinds(found) <= OURS | {"fence"}
-    assert found.count("```") in (0, 2)  # none for what is no XML
+    rendered = render(Report((plan,)), "markdown")
+    assert kinds(rendered) <= OURS | {"fence"}
+    assert rendered.count("```") in (0, 2)  # none for what is no XML
 
 
 def test_plans_with_findings_are_drawn_and_what_they_are_about_is_marked() -> None:

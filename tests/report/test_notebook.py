@@ -61,10 +61,10 @@ def test_what_nobody_could_look_at_is_printed() -> None:
 def test_a_report_of_one_plan_shows_findings_and_picture() -> None:
     root = html_of(gpsfsm.check(f"<Plan>\n{RUNNER}\n</Plan>"))
     assert root.findtext("p/b") == "accepted"
-    (found,) = [each for each in root.find_class("finding") if "GP302" in each.text_content()]
-    assert "GP302 dangling-failure, line 2: " in found.text_content()
-    assert found.findtext("pre") == f"{RUNNER}\n^^^^^^^"
-    assert "nothing handles this failure" in found.findtext("details/ol/li[2]")
+    (actual,) = [each for each in root.find_class("finding") if "GP302" in each.text_content()]
+    assert "GP302 dangling-failure, line 2: " in actual.text_content()
+    assert actual.findtext("pre") == f"{RUNNER}\n^^^^^^^"
+    assert "nothing handles this failure" in actual.findtext("details/ol/li[2]")
     assert len(root.findall(".//svg")) == 1
 
 
@@ -132,10 +132,10 @@ def test_text_from_outside_is_text(text: str) -> None:
     ],
 )
 def test_names_of_markup_are_text(name: str) -> None:
-    told = quoteattr(name)
+    quoted = quoteattr(name)
     source = (
-        f'<Plan><Control type="sequential" name={told}>'
-        f"<Runner interface={told} provider={told} x={told}/></Control></Plan>"
+        f'<Plan><Control type="sequential" name={quoted}>'
+        f"<Runner interface={quoted} provider={quoted} x={quoted}/></Control></Plan>"
     )
     root = html_of(gpsfsm.check(source))
     assert tags(root) <= OURS

@@ -36,13 +36,13 @@ def run_of(report: Report, **options: str) -> dict[str, Any]:
     log = json.loads(render(report, "sarif", options=RenderOptions(**options)))  # type: ignore[arg-type]
     assert log["version"] == "2.1.0"
     (run,) = log["runs"]
-    found: dict[str, Any] = run
-    return found
+    results: dict[str, Any] = run
+    return results
 
 
 def first_result(report: Report) -> dict[str, Any]:
-    found: dict[str, Any] = run_of(report)["results"][0]
-    return found
+    results: dict[str, Any] = run_of(report)["results"][0]
+    return results
 
 
 @needs_schema

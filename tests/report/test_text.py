@@ -135,11 +135,11 @@ def test_what_the_short_form_leaves_out_is_mentioned() -> None:
 
 
 FINDINGS = st.builds(
-    lambda severity, line, told: replace(
+    lambda severity, line, message: replace(
         DANGLING,
         severity=severity,
         location=Location(line, 1, ""),
-        scenario=DANGLING.scenario if told else None,
+        scenario=DANGLING.scenario if message else None,
     ),
     st.sampled_from(Severity),
     st.integers(1, 9),
@@ -197,8 +197,8 @@ def test_summaries_and_total() -> None:
 def test_every_frequency_has_its_words(frequency: Frequency) -> None:
     assert CLEAN.facts is not None
     facts = replace(CLEAN.facts, completes=frequency, gives_up=frequency, stuck=frequency)
-    told = text(replace(CLEAN, facts=facts)).splitlines()[0]
-    assert told.count(frequency.value) == 3
+    message = text(replace(CLEAN, facts=facts)).splitlines()[0]
+    assert message.count(frequency.value) == 3
 
 
 def test_nothing_to_check_is_said() -> None:

@@ -187,7 +187,7 @@ class Build:
         templates = SHARE / generator / "resource"
         folder.mkdir(parents=True)
         others = {n: files for n, files in installed_interfaces().items() if n != self.name}
-        known = [f"{name}:{file}" for name, files in others.items() for file in files]
+        entries = [f"{name}:{file}" for name, files in others.items() for file in files]
         described = self.generated(DESCRIPTION)
         arguments = self.work / f"{generator}.json"
         content = {
@@ -195,7 +195,7 @@ class Build:
             "output_dir": str(folder),
             "template_dir": str(templates),
             "idl_tuples": [f"{self.work}/idl:{file}" for file in self.idl_names],
-            "ros_interface_dependencies": known,
+            "ros_interface_dependencies": entries,
             "ros_interface_files": [str(file) for file in self.package.files],
             "target_dependencies": [],
             "type_description_tuples": [

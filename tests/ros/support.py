@@ -274,13 +274,13 @@ class Domain:
     def processes(self) -> list[str]:
         """The command lines of the processes that were started in this domain and still run."""
         mark = f"{_MARK}={self.folder}".encode()
-        found = []
+        results = []
         for folder in Path("/proc").glob("[0-9]*"):
             with suppress(OSError):  # it may end meanwhile, or be somebody else's
                 if mark in (folder / "environ").read_bytes().split(b"\0"):
                     words = (folder / "cmdline").read_text().split("\0")
-                    found.append(f"{folder.name} {' '.join(words)}")
-        return found
+                    results.append(f"{folder.name} {' '.join(words)}")
+        return results
 
     def kill(self, process: subprocess.Popen[str]) -> None:
         """End a process without notice, as a crash of it would.

@@ -113,10 +113,10 @@ def test_a_server_that_is_killed_has_failed_and_the_recovery_acts(ros: Domain) -
     with ros.running("run", plan, *VIA) as process:
         server.wait_for("acting")
         ros.kill(server.process)
-        told, errors = process.communicate(timeout=60)
-    assert process.returncode == 0, told + errors
-    assert "the capability server does not answer" in told
-    assert "LogRunner (text=help) succeeded" in told
+        output, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, output + errors
+    assert "the capability server does not answer" in output
+    assert "LogRunner (text=help) succeeded" in output
 
 
 def test_a_server_that_is_restarted_breaks_the_bond_and_serves_the_recovery(ros: Domain) -> None:
@@ -127,9 +127,11 @@ def test_a_server_that_is_restarted_breaks_the_bond_and_serves_the_recovery(ros:
         server.wait_for("acting")
         ros.kill(server.process)
         again = ros.server("capabilities2")
-        told, errors = process.communicate(timeout=120)
-    assert process.returncode == 0, told + errors
-    assert f"the capability server has stopped {WAYPOINT}" in told or "does not answer" in told
+        message, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, message + errors
+    assert (
+        f"the capability server has stopped {WAYPOINT}" in message or "does not answer" in message
+    )
     assert len(again.journal("bond")) == 1
     assert again.journal("acting", capability=WAYPOINT)
     unspoilt(again)
@@ -189,8 +191,8 @@ def test_what_acts_is_stopped_with_the_run(ros: Domain, outcome: str) -> None:
     with ros.running("run", MISSIONS / "navigation_1.xml", *VIA, "--journal", journal) as process:
         server.wait_for("acting")
         process.send_signal(signal.SIGINT)
-        told, errors = process.communicate(timeout=60)
-    assert process.returncode == 130, told + errors
+        output, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, output + errors
     assert server.wait_for("cancelled")["capability"] == WAYPOINT
     if outcome == "drive":
         server.wait_for("broken")

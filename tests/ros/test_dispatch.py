@@ -106,12 +106,12 @@ def test_events_drive_the_journal(ros: Domain) -> None:
     assert last["explanation"] == [
         "line 2: WaypointRunner (x=1.0, y=2.0) failed, and the plan continued"
     ]
-    told = [
+    steps = [
         (row["kind"], row["element"])
         for row in rows(ros)
         if row.get("kind") in ("STARTED", "FAILED", "SUCCEEDED", "JOINED")
     ]
-    assert [kind for kind, _ in told] == [
+    assert [kind for kind, _ in steps] == [
         *("STARTED", "FAILED", "STARTED", "SUCCEEDED", "JOINED", "STARTED", "SUCCEEDED")
     ]
 

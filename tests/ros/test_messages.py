@@ -56,8 +56,8 @@ def new_map(width: int = 2) -> Any:
 
 @pytest.fixture(autouse=True)
 def _definitions(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = {"demo_msgs/msg/Point": point, "demo_msgs/msg/Stamped": stamped}
-    monkeypatch.setattr(messages, "definition", known.__getitem__)
+    definitions = {"demo_msgs/msg/Point": point, "demo_msgs/msg/Stamped": stamped}
+    monkeypatch.setattr(messages, "definition", definitions.__getitem__)
 
 
 def filled(**values: Any) -> Any:

@@ -58,8 +58,11 @@ def test_describe_view(ros: Domain, package: str) -> None:
     _, perception, prompt = stack(ros, package)
     prompt.command("answer", response="I see a cup.", success=True)
     finish(ros, "describe_view", *MODEL)
-    (asked,) = requests(perception, "image_analysis")
-    assert (asked["prompt"], asked["use_device_vision"]) == ("What is in front of the robot?", True)
+    (request,) = requests(perception, "image_analysis")
+    assert (request["prompt"], request["use_device_vision"]) == (
+        "What is in front of the robot?",
+        True,
+    )
     (spoken,) = requests(perception, "speech")
     assert spoken["input"]["text"] == "I see a cup."
     (sent,) = prompt.journal("request")
@@ -102,8 +105,8 @@ def test_a_mood_is_judged(ros: Domain, package: str) -> None:
     )
     ended = ros.gpsfsm("run", "--real", plan, "--format", "json")
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    (asked,) = requests(perception, "sentiment_analysis")
-    assert (asked["text"], asked["use_device_audio"]) == ("good", True)
+    (request,) = requests(perception, "sentiment_analysis")
+    assert (request["text"], request["use_device_audio"]) == ("good", True)
     rows = [json.loads(line) for line in ended.stdout.splitlines()]
     (outputs,) = [row["data"] for row in rows if row.get("kind") == "SUCCEEDED"]
     assert (outputs["text"], outputs["score"]) == ("POSITIVE", 0.75)

@@ -44,9 +44,9 @@ def recovery(*steps: str) -> str:
 
 
 def events(ros: Domain, journal: str = "run.db") -> list[dict[str, Any]]:
-    told = ros.gpsfsm("events", journal, "--format", "jsonl")
-    assert told.returncode == 0, told.stderr
-    return [json.loads(line) for line in told.stdout.splitlines()[1:]]
+    output = ros.gpsfsm("events", journal, "--format", "jsonl")
+    assert output.returncode == 0, output.stderr
+    return [json.loads(line) for line in output.stdout.splitlines()[1:]]
 
 
 def run(ros: Domain, *arguments: str | Path, code: int = 0) -> subprocess.CompletedProcess[str]:

@@ -31,8 +31,8 @@ WAIT_S = 20.0
 def judge(answer: str) -> Judgement:
     """Accepts what has a Plan in it."""
     _, plan, rest = answer.partition("<Plan>")
-    found = f"{plan}{rest}" if plan else ""
-    return Judgement(bool(found), found, "no plan", errors=1, findings=(("GP1", "no plan"),))
+    result = f"{plan}{rest}" if plan else ""
+    return Judgement(bool(result), result, "no plan", errors=1, findings=(("GP1", "no plan"),))
 
 
 def service(model: LanguageModel, **more: Any) -> ModelService:
@@ -82,12 +82,12 @@ def run_real(
     """Run a plan for real: prompts and fabric, with this model."""
     ran, maker = Ran(), Maker(LIBRARY)
     ran.kernel = kernel_of(text)
-    found = {"prompts": ran.prompts, "specs": specs(LIBRARY), **services}
+    results = {"prompts": ran.prompts, "specs": specs(LIBRARY), **services}
     if model is not None:
-        found.setdefault("model", service(model))
+        results.setdefault("model", service(model))
 
     async def go() -> None:
-        driver = RealtimeDriver(ran.kernel, ran, maker, services=found)
+        driver = RealtimeDriver(ran.kernel, ran, maker, services=results)
         driver.watchers.append(FillsWritten(ran.kernel, ran.prompts, maker.runner_class))
         before(driver)
         async with asyncio.timeout(WAIT_S):

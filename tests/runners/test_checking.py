@@ -52,9 +52,9 @@ def test_a_model_decides_for_real(said: str, answer: str, message: str, steps: i
     assert len(ran.outputs) == steps
     assert ran.outputs[0] == {"answer": answer, "said": said}
     assert ran.messages[0] == message
-    (asked,) = model.asked
-    assert asked.task == "Is there a person?"
-    assert "<perceived>\nI see a woman.\n</perceived>\n" in messages(asked)
+    (request,) = model.requests
+    assert request.task == "Is there a person?"
+    assert "<perceived>\nI see a woman.\n</perceived>\n" in messages(request)
 
 
 def test_a_text_that_arrives_is_checked() -> None:
@@ -62,7 +62,7 @@ def test_a_text_that_arrives_is_checked() -> None:
     words = runner("PromptSpeech", task="Say what is there.", flush="true")
     ran = run_real(plan(words, runner("Check", prompt="Is there a dog?")), model)
     assert ran.outputs[1] == {"answer": "yes", "said": "yes"}
-    assert "A dog sleeps." in messages(model.asked[1])
+    assert "A dog sleeps." in messages(model.requests[1])
 
 
 def test_nothing_to_check_is_a_failure() -> None:

@@ -86,7 +86,7 @@ def test_filling_queues_nothing() -> None:
     model = Scripted([NEXT])
     services = {"model": service(model)}
     assert act(fabric.FabricGeneratePlanRunner(), services, task="t", uuid="u") == {}
-    assert model.asked == []
+    assert model.requests == []
 
 
 def test_plans_must_not_be_queued_twice() -> None:

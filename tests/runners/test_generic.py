@@ -90,8 +90,10 @@ def python(code: str, **more: Any) -> dict[str, Any]:
 
 
 def test_a_program_runs_without_a_shell() -> None:
-    found = act(generic.ProcessRunner(), {"allow_programs": ["echo"]}, command="echo 'a b' $HOME *")
-    assert found == {"stdout": "a b $HOME *\n", "stderr": "", "exit_code": 0}
+    outputs = act(
+        generic.ProcessRunner(), {"allow_programs": ["echo"]}, command="echo 'a b' $HOME *"
+    )
+    assert outputs == {"stdout": "a b $HOME *\n", "stderr": "", "exit_code": 0}
 
 
 @pytest.mark.parametrize(
@@ -185,8 +187,8 @@ def test_stopping_ends_the_program(tmp_path: Path, before: str) -> None:
         over.set()
 
     lane = Lane("tested")
-    given = python(starts_another(file, before))
-    action = Action(lane, lambda: acting(generic.ProcessRunner(), PYTHON, given), tell)
+    completed = python(starts_another(file, before))
+    action = Action(lane, lambda: acting(generic.ProcessRunner(), PYTHON, completed), tell)
     end = time.monotonic() + WAIT_S
     while not (file.exists() and file.read_text()):
         assert time.monotonic() < end
@@ -202,8 +204,8 @@ def test_a_program_gets_few_variables(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SECRET", "s3cret")
     services = {**PYTHON, "environment": {"ROBOT": "r2"}}
     code = "import os; print(os.environ.get('SECRET'), os.environ['ROBOT'], os.environ['PATH'])"
-    found = act(generic.ProcessRunner(), services, **python(code))
-    assert found["stdout"] == f"None r2 {os.environ['PATH']}\n"
+    outputs = act(generic.ProcessRunner(), services, **python(code))
+    assert outputs["stdout"] == f"None r2 {os.environ['PATH']}\n"
 
 
 # -- functions ------------------------------------------------------------------------------
@@ -254,13 +256,13 @@ FUNCTIONS = {
     ],
 )
 def test_a_function_gets_what_it_takes(name: str, parameters: dict[str, Any], result: str) -> None:
-    found = act(generic.PythonRunner(), FUNCTIONS, function=f"{__name__}:{name}", **parameters)
-    assert found == {"result": result}
+    outputs = act(generic.PythonRunner(), FUNCTIONS, function=f"{__name__}:{name}", **parameters)
+    assert outputs == {"result": result}
 
 
 def test_a_function_of_the_library() -> None:
-    found = act(generic.PythonRunner(), FUNCTIONS, function="os.path:basename", argument="a/b")
-    assert found == {"result": "b"}
+    outputs = act(generic.PythonRunner(), FUNCTIONS, function="os.path:basename", argument="a/b")
+    assert outputs == {"result": "b"}
 
 
 @pytest.mark.parametrize(

@@ -137,16 +137,18 @@ def serving() -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def host() -> Iterator[str]:
-    with serving() as found:
-        yield found
+    with serving() as server:
+        yield server
 
 
 def test_a_request_and_its_answer(host: str) -> None:
     services = {"allow_hosts": [host]}
-    found = act(generic.HttpRunner(), services, url=f"http://{host}/echo", method="POST", body="hi")
-    assert found == {"response_body": "POST hi run:/Plan/Runner[1]", "status_code": 200}
-    found = act(generic.HttpRunner(), {"allow_hosts": ["127.0.0.1"]}, url=f"http://{host}/echo")
-    assert found["response_body"].startswith("GET  ")
+    outputs = act(
+        generic.HttpRunner(), services, url=f"http://{host}/echo", method="POST", body="hi"
+    )
+    assert outputs == {"response_body": "POST hi run:/Plan/Runner[1]", "status_code": 200}
+    outputs = act(generic.HttpRunner(), {"allow_hosts": ["127.0.0.1"]}, url=f"http://{host}/echo")
+    assert outputs["response_body"].startswith("GET  ")
 
 
 def test_the_status_decides(host: str) -> None:
@@ -154,8 +156,10 @@ def test_the_status_decides(host: str) -> None:
     error = fails(generic.HttpRunner(), services, url=f"http://{host}/status/404")
     assert str(error) == "the answer has the status 404, and any from 200 to 299 was expected"
     assert error.outputs == {"status_code": 404}
-    found = act(generic.HttpRunner(), services, url=f"http://{host}/status/404", expect_status=404)
-    assert found["status_code"] == 404
+    outputs = act(
+        generic.HttpRunner(), services, url=f"http://{host}/status/404", expect_status=404
+    )
+    assert outputs["status_code"] == 404
     error = fails(generic.HttpRunner(), services, url=f"http://{host}/echo", expect_status=404)
     assert str(error) == "the answer has the status 200, and 404 was expected"
 
@@ -165,8 +169,8 @@ def test_redirects_lead_only_where_it_is_allowed(host: str) -> None:
         url = f"http://{host}/to/http://{other}/echo"
         error = fails(generic.HttpRunner(), {"allow_hosts": [host]}, url=url)
         assert str(error) == f"the host {other} is not allowed"
-        found = act(generic.HttpRunner(), {"allow_hosts": [host, other]}, url=url, method="POST")
-        assert found["response_body"].startswith("GET ")
+        outputs = act(generic.HttpRunner(), {"allow_hosts": [host, other]}, url=url, method="POST")
+        assert outputs["response_body"].startswith("GET ")
     error = fails(
         generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/to/file:///etc/passwd"
     )
@@ -194,8 +198,8 @@ def test_answers_that_are_too_much(host: str, path: str, message: str) -> None:
 
 @pytest.mark.parametrize("charset", ["utf-8", "%22UTF-8%22", "us-ascii"])
 def test_an_answer_that_is_no_text_is_made_one(host: str, charset: str) -> None:
-    found = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/in/{charset}")
-    assert found["response_body"] == "\ufffd\0"
+    outputs = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/in/{charset}")
+    assert outputs["response_body"] == "\ufffd\0"
 
 
 @pytest.mark.parametrize(
@@ -207,8 +211,8 @@ def test_an_answer_that_is_no_text_is_made_one(host: str, charset: str) -> None:
     ],
 )
 def test_an_answer_in_a_usual_encoding(host: str, charset: str, read: str) -> None:
-    found = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/in/{charset}")
-    assert found["response_body"] == read
+    outputs = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/in/{charset}")
+    assert outputs["response_body"] == read
 
 
 @pytest.mark.parametrize("charset", [*BODIES, "no-such-thing", "x" * 400, "os"])
@@ -307,12 +311,12 @@ def test_redirects_do_not_get_around(host: str, where: str) -> None:
 
 def test_a_host_may_be_written_in_any_case(host: str) -> None:
     port = host.rpartition(":")[2]
-    found = act(
+    outputs = act(
         generic.HttpRunner(),
         {"allow_hosts": [f"LocalHost:{port}"]},
         url=f"http://LOCALHOST:{port}/echo",
     )
-    assert found["status_code"] == 200
+    assert outputs["status_code"] == 200
 
 
 def test_hosts_that_make_no_sense_keep_it_from_loading() -> None:
@@ -325,8 +329,8 @@ def test_proxies_of_the_environment_are_not_used(
 ) -> None:
     for name in ("HTTP_PROXY", "http_proxy", "ALL_PROXY"):
         monkeypatch.setenv(name, "http://127.0.0.1:1")
-    found = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/echo")
-    assert found["status_code"] == 200
+    outputs = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/echo")
+    assert outputs["status_code"] == 200
 
 
 def test_httpx_is_imported_only_for_requests() -> None:

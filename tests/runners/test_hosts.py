@@ -73,12 +73,12 @@ def test_texts_that_are_no_hosts(text: str, why: str) -> None:
 @given(st.text(max_size=30))
 def test_any_text_is_a_host_or_is_refused(text: str) -> None:
     try:
-        found = allowed_host(text)
+        host = allowed_host(text)
     except ValueError:
         return
-    assert allowed_host(found) == found == found.lower()
-    assert found.isascii()
-    assert not set(found) & set("/\\@?#* ")
+    assert allowed_host(host) == host == host.lower()
+    assert host.isascii()
+    assert not set(host) & set("/\\@?#* ")
 
 
 def test_names_of_hosts() -> None:
@@ -117,7 +117,7 @@ def test_options_that_would_allow_nothing_are_refused(
     plan = tmp_path / "plan.xml"
     plan.write_text('<Plan><Runner interface="a/B" provider="a/B"/></Plan>')
     assert main(["run", "--real", option, value, str(plan)]) == 2
-    found = capsys.readouterr()
-    assert found.out == ""
-    assert found.err.startswith(f"gpsfsm: {message}")
-    assert "secret" not in found.err
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.startswith(f"gpsfsm: {message}")
+    assert "secret" not in output.err

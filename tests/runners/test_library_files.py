@@ -54,12 +54,12 @@ OUTPUT_KEYS = {
 @cache
 def files(kind: str) -> dict[str, tuple[Path, dict[str, Any]]]:
     """The files of a kind by ``package/Name``; two of one name are an error."""
-    found: dict[str, tuple[Path, dict[str, Any]]] = {}
+    results: dict[str, tuple[Path, dict[str, Any]]] = {}
     for path in sorted(RUNNERS.glob(f"*/*/{kind}/*.yaml")):
         name = f"{path.parts[-3]}/{path.stem}"
-        assert name not in found, name
-        found[name] = (path, yaml.safe_load(path.read_text(encoding="utf-8")))
-    return found
+        assert name not in results, name
+        results[name] = (path, yaml.safe_load(path.read_text(encoding="utf-8")))
+    return results
 
 
 def interfaces() -> dict[str, dict[str, Any]]:
@@ -92,9 +92,9 @@ each_provider = pytest.mark.parametrize("name", sorted(providers()))
 
 
 def test_the_families_are_all_there_and_every_file_is_in_one_of_them() -> None:
-    known = {path for kind in ("interfaces", "providers") for path, _ in files(kind).values()}
-    assert set(RUNNERS.rglob("*.y*ml")) == known
-    assert {path.relative_to(RUNNERS).parts[0] for path in known} == set(FAMILIES)
+    paths = {path for kind in ("interfaces", "providers") for path, _ in files(kind).values()}
+    assert set(RUNNERS.rglob("*.y*ml")) == paths
+    assert {path.relative_to(RUNNERS).parts[0] for path in paths} == set(FAMILIES)
 
 
 def test_every_interface_has_a_provider_of_its_name_and_the_other_way_round() -> None:
@@ -201,10 +201,10 @@ def test_descriptions_are_short_sentences_and_every_interface_has_its_own() -> N
 
 
 def test_a_name_of_another_dialect_means_one_thing() -> None:
-    found = [name for data in interfaces().values() for name in data.get("formerly", ())]
-    assert len(found) == len(set(found))
-    assert not set(found) & set(interfaces())
-    assert all(re.fullmatch(r"\w+/\w+Runner", name) for name in found)
+    names = [name for data in interfaces().values() for name in data.get("formerly", ())]
+    assert len(names) == len(set(names))
+    assert not set(names) & set(interfaces())
+    assert all(re.fullmatch(r"\w+/\w+Runner", name) for name in names)
 
 
 def test_no_value_replaces_a_literal_by_accident() -> None:
@@ -266,20 +266,20 @@ def unknown_attributes(plans: Iterable[Path]) -> dict[tuple[str, str], int]:
     names = dict(zip(interfaces(), interfaces(), strict=True))
     for name, data in interfaces().items():
         names |= dict.fromkeys(data.get("formerly", ()), name)
-    found: dict[tuple[str, str], int] = defaultdict(int)
+    results: dict[tuple[str, str], int] = defaultdict(int)
     for path in plans:
         plan = parse(path.read_text(encoding="utf-8", errors="replace")).plan
         for runner in () if plan is None else plan.runners:
             if runner.interface not in names:
-                found[(runner.interface, "")] += 1
+                results[(runner.interface, "")] += 1
                 continue
-            known = set(LABELS)
+            seen = set(LABELS)
             for parameter in parameters(providers()[names[runner.interface]]).values():
-                known |= {parameter["name"], *parameter.get("aliases", ())}
+                seen |= {parameter["name"], *parameter.get("aliases", ())}
             for attribute in runner.attributes:
-                if attribute.name not in known:
-                    found[(runner.interface, attribute.name)] += 1
-    return dict(found)
+                if attribute.name not in seen:
+                    results[(runner.interface, attribute.name)] += 1
+    return dict(results)
 
 
 def test_the_plans_of_this_repository_write_nothing_unknown() -> None:
@@ -293,11 +293,11 @@ def test_real_plans_write_little_that_is_unknown(shared_corpus: Path) -> None:
         *sorted((shared_corpus / "experiment1" / "fabric").rglob("*.xml")),
         *sorted((shared_corpus / "experiment2").glob("*.xml")),
     ]
-    found = unknown_attributes(plans)
-    assert {name for name in found if name[1]} == {
+    attributes = unknown_attributes(plans)
+    assert {name for name in attributes if name[1]} == {
         ("fabric_capabilities/FabricSetPlanRunner", "plan")
     }
-    undescribed = {name for name, attribute in found if not attribute}
+    undescribed = {name for name, attribute in attributes if not attribute}
     assert "capabilities2_runner/PromptTextRunner" in undescribed
     assert {name.partition("/")[0] for name in undescribed} == {
         *("capabilities2_runner", "prompt_capabilities"),

@@ -107,16 +107,16 @@ def test_what_is_printed_before_a_failure_is_kept(capfd: pytest.CaptureFixture[s
 
 def test_other_threads_print_as_ever(capsys: pytest.CaptureFixture[str]) -> None:
     """Two functions and somebody else at the same time: each has its own."""
-    found: dict[str, list[str]] = {"a": [], "b": []}
+    actual: dict[str, list[str]] = {"a": [], "b": []}
     together = threading.Barrier(3)
 
     def work(name: str) -> None:
-        with Printed(found[name].append).taking():
+        with Printed(actual[name].append).taking():
             for number in range(100):
                 together.wait(WAIT_S)
                 print(name, number)
 
-    threads = [threading.Thread(target=work, args=(name,)) for name in found]
+    threads = [threading.Thread(target=work, args=(name,)) for name in actual]
     for thread in threads:
         thread.start()
     for number in range(100):
@@ -124,7 +124,7 @@ def test_other_threads_print_as_ever(capsys: pytest.CaptureFixture[str]) -> None
         print("usual", number)
     for thread in threads:
         thread.join()
-    for name, lines in found.items():
+    for name, lines in actual.items():
         assert lines == [f"stdout: {name} {number}" for number in range(100)]
     assert capsys.readouterr().out == "".join(f"usual {number}\n" for number in range(100))
 

@@ -32,7 +32,7 @@ SERVICES = {"allow_programs": [sys.executable]}
 
 def marked(marker: str) -> dict[int, bytes]:
     """The processes that carry a marker in their environment or their arguments."""
-    found = {}
+    results = {}
     for folder in Path("/proc").iterdir():
         if not folder.name.isdigit() or int(folder.name) == os.getpid():
             continue
@@ -42,8 +42,8 @@ def marked(marker: str) -> dict[int, bytes]:
         except OSError:  # it has just ended, or is of somebody else
             continue
         if marker.encode() in text:
-            found[int(folder.name)] = command
-    return found
+            results[int(folder.name)] = command
+    return results
 
 
 def until(condition: Callable[[], Any]) -> bool:
@@ -58,9 +58,9 @@ def until(condition: Callable[[], Any]) -> bool:
 @pytest.fixture
 def marker(request: pytest.FixtureRequest) -> Iterator[str]:
     """A text by which the processes of a test are known; they are ended if any are left."""
-    found = f"marker-{os.getpid()}-{abs(hash(request.node.nodeid))}"
-    yield found
-    for process in marked(found):
+    text = f"marker-{os.getpid()}-{abs(hash(request.node.nodeid))}"
+    yield text
+    for process in marked(text):
         os.kill(process, signal.SIGKILL)
 
 
@@ -111,8 +111,8 @@ def test_after_its_time_nothing_is_left(code: str, marker: str) -> None:
 @pytest.mark.parametrize("code", [NEW_SESSION, DAEMON, BOMB, CHAIN], ids=["new", "d", "b", "c"])
 def test_when_it_ends_by_itself_nothing_is_left(code: str, marker: str) -> None:
     command = [sys.executable, "-c", HEAD + code + "print('done', flush=True)\n"]
-    found = act(generic.ProcessRunner(), services(marker), command=command)
-    assert "done" in found["stdout"]
+    outputs = act(generic.ProcessRunner(), services(marker), command=command)
+    assert "done" in outputs["stdout"]
     assert until(lambda: not marked(marker)), marked(marker)
 
 
@@ -126,8 +126,8 @@ def test_when_it_is_stopped_nothing_is_left(code: str, marker: str, tmp_path: Pa
         over.set()
 
     lane = Lane("tested")
-    given = {"command": [sys.executable, "-c", program(code, tmp_path / "ready")]}
-    action = Action(lane, lambda: acting(generic.ProcessRunner(), services(marker), given), tell)
+    values = {"command": [sys.executable, "-c", program(code, tmp_path / "ready")]}
+    action = Action(lane, lambda: acting(generic.ProcessRunner(), services(marker), values), tell)
     assert until((tmp_path / "ready").exists)
     action.interrupt()
     assert over.wait(WAIT_S)
@@ -139,10 +139,10 @@ def test_when_it_is_stopped_nothing_is_left(code: str, marker: str, tmp_path: Pa
 def test_when_it_is_cut_off_nothing_is_left(marker: str, tmp_path: Path) -> None:
     """Then gpsfsm does not wait for the end of the program, which comes all the same."""
     lane = Lane("tested")
-    given = {"command": [sys.executable, "-c", program(CASES["daemon"], tmp_path / "ready")]}
+    values = {"command": [sys.executable, "-c", program(CASES["daemon"], tmp_path / "ready")]}
     action = Action(
         lane,
-        lambda: acting(generic.ProcessRunner(), services(marker), given),
+        lambda: acting(generic.ProcessRunner(), services(marker), values),
         lambda _value, _error: None,
     )
     assert until((tmp_path / "ready").exists)
@@ -238,10 +238,10 @@ def test_nothing_of_the_supervisor_shows_in_a_program(monkeypatch: pytest.Monkey
         check=True,
     )
     runner = generic.ProcessRunner()
-    given = {**SERVICES, "environment": {"A": "\u00fc"}}
+    values = {**SERVICES, "environment": {"A": "\u00fc"}}
     for name in ("HOME", "LC_ALL", "LOGNAME", "TMPDIR", "TZ", "USER"):
         monkeypatch.delenv(name, raising=False)
-    assert act(runner, given, command=command)["stdout"] == expected.stdout.decode()
+    assert act(runner, values, command=command)["stdout"] == expected.stdout.decode()
 
 
 def test_where_orphans_do_not_come_back_the_group_is_ended(marker: str, tmp_path: Path) -> None:
@@ -285,6 +285,6 @@ def test_what_cannot_be_ended_is_told(
     runner = generic.ProcessRunner()
     runner._programs = frozenset([sys.executable])
     runner._environment = {"MARKER": marker}
-    given: dict[str, Any] = {"command": [sys.executable, "-c", code]}
-    assert asyncio.run(runner.run(given, context(lines)))["stdout"] == "done\n"
+    value: dict[str, Any] = {"command": [sys.executable, "-c", code]}
+    assert asyncio.run(runner.run(value, context(lines)))["stdout"] == "done\n"
     assert lines == ["1 of its processes could not be ended"]

@@ -36,8 +36,10 @@ def test_fragments_and_the_own_text_make_one_prompt() -> None:
     assert ran.kernel.status is Status.COMPLETED
     assert ran.outputs[0] == {"response": "", "buffered": True, "success": False}
     assert ran.outputs[3] == {"response": "Hello Ada and Ben.", "buffered": False, "success": True}
-    assert [messages(each) for each in model.asked] == ["This is Ada.\nThis is Ben.\nGreet them."]
-    assert (model.asked[0].task, model.asked[0].number) == ("Greet them.", 0)
+    assert [messages(each) for each in model.requests] == [
+        "This is Ada.\nThis is Ben.\nGreet them."
+    ]
+    assert (model.requests[0].task, model.requests[0].number) == ("Greet them.", 0)
     assert ran.prompts.kept("a") == ("This is Ada.", "This is Ben.")  # it is not emptied
     assert ran.lines == ["asked scripted:test: 0.0 s"]
 
@@ -46,7 +48,7 @@ def test_requests_about_the_same_task_are_numbered() -> None:
     model = Scripted(["one", "two"])
     ask = runner("PromptText", text="Say something.", flush="true")
     ran = run_real(plan(ask, runner("Wait", seconds="0.01"), ask), model)
-    assert [each.number for each in model.asked] == [0, 1]
+    assert [each.number for each in model.requests] == [0, 1]
     assert (ran.outputs[0]["response"], ran.outputs[2]["response"]) == ("one", "two")
 
 
@@ -54,7 +56,7 @@ def test_words_to_say() -> None:
     model = Scripted(['"Good morning!"\x1b[2J\x00\r\n'])
     ran = run_real(plan(runner("PromptSpeech", task="greet them", flush="true")), model)
     assert ran.outputs[0] == {"text": '"Good morning!"[2J'}
-    assert "says aloud for this: greet them\n" in messages(model.asked[0])
+    assert "says aloud for this: greet them\n" in messages(model.requests[0])
 
 
 def test_a_pose_and_the_capabilities_in_words() -> None:
@@ -63,9 +65,9 @@ def test_a_pose_and_the_capabilities_in_words() -> None:
     pose = dict.fromkeys(("y", "z", "qx", "qy", "qz"), 0.0) | {"x": 1.5, "qw": 1.0}
     act(prompting.PromptPoseRunner(), services, flush=True, **pose)
     act(prompting.PromptCapabilityRunner(), services, flush="true", CapabilitySpecs=["a", "b"])
-    asked = [messages(each) for each in model.asked]
-    assert asked[0].startswith("The robot is at this pose: x 1.5, y 0.0, ")
-    assert asked[1] == "The robot can do this:\na\nb"
+    requests = [messages(each) for each in model.requests]
+    assert requests[0].startswith("The robot is at this pose: x 1.5, y 0.0, ")
+    assert requests[1] == "The robot can do this:\na\nb"
 
 
 def test_a_plan_is_asked_for_until_one_is_good() -> None:
@@ -76,10 +78,10 @@ def test_a_plan_is_asked_for_until_one_is_good() -> None:
     )
     ran = run_real(text, model)
     assert ran.outputs[1] == {"ReceivedPlan": PLAN}
-    first = messages(model.asked[0])
+    first = messages(model.requests[0])
     assert "nav2_capabilities/WaypointRunner" in first  # it is told what there is
     assert "The door is closed.\n\nWrite a plan for this task: Go home." in first
-    assert [each.number for each in model.asked] == [0, 1]
+    assert [each.number for each in model.requests] == [0, 1]
     assert ran.lines[1:3] == [
         "attempt 1 was rejected: GP1: no plan",
         "asked scripted:test: 0.0 s",
@@ -90,16 +92,16 @@ def test_a_plan_is_asked_for_until_one_is_good() -> None:
 def test_what_was_wrong_with_the_last_plan_is_told() -> None:
     model = Scripted([PLAN])
     services = {"model": service(model)}
-    given = {"task": "t", "replan": True, "FailedElements": "no way", "flush": True}
-    assert act(prompting.PromptPlanRunner(), services, **given) == {"ReceivedPlan": PLAN}
-    assert "The last plan was not good. no way" in messages(model.asked[0])
+    values = {"task": "t", "replan": True, "FailedElements": "no way", "flush": True}
+    assert act(prompting.PromptPlanRunner(), services, **values) == {"ReceivedPlan": PLAN}
+    assert "The last plan was not good. no way" in messages(model.requests[0])
 
 
 def test_no_good_plan_within_the_bound_is_a_failure() -> None:
     model = Scripted(["no"])
     error = fails(prompting.PromptPlanRunner(), {"model": service(model)}, task="t", flush=True)
     assert str(error) == "no plan was accepted in 3 attempts; the best one: GP1: no plan"
-    assert len(model.asked) == 3
+    assert len(model.requests) == 3
 
 
 def test_only_what_rejects_a_plan_is_named() -> None:
@@ -150,8 +152,8 @@ def test_full_buffers_take_nothing() -> None:
 def test_without_a_model_no_prompt_is_loaded() -> None:
     ran = run_real(plan(runner("PromptText", text="a", flush="true")), None)
     assert ran.kernel.status is Status.GAVE_UP
-    told = [record.message for _, _, records in ran.rows for record in records if record.message]
-    assert any("name one with --model" in message for message in told)
+    lines = [record.message for _, _, records in ran.rows for record in records if record.message]
+    assert any("name one with --model" in message for message in lines)
 
 
 def test_cancelling_the_run_ends_the_request_at_once() -> None:
@@ -195,7 +197,7 @@ def test_models_are_asked_side_by_side_on_the_event_loop_of_the_engine() -> None
     ran = run_real(text, model)
     assert ran.kernel.status is Status.COMPLETED
     kinds = [happened.kind for _, happened, _ in ran.rows]
-    assert sorted(each.task for each in model.asked) == ["one", "two"]
+    assert sorted(each.task for each in model.requests) == ["one", "two"]
     assert kinds.count(Kind.SUCCEEDED) == 2
 
 

@@ -106,16 +106,16 @@ def test_a_wrong_runner_is_an_error_and_in_a_world_a_note(
 ) -> None:
     site = installed(tmp_path, f"{name} = {value}", drive=RUNNER, exits="raise SystemExit(0)\n")
     plan = tmp_path / "plan.xml"
-    given = {WAYPOINT: 'x="2" y="-0.5"', "generic_capabilities/LogRunner": 'text="hello"'}[name]
-    plan.write_text(f'<Plan><Runner interface="{name}" provider="{name}" {given}/></Plan>')
-    told = f"the runner {name} = {value} {why}"
+    values = {WAYPOINT: 'x="2" y="-0.5"', "generic_capabilities/LogRunner": 'text="hello"'}[name]
+    plan.write_text(f'<Plan><Runner interface="{name}" provider="{name}" {values}/></Plan>')
+    text = f"the runner {name} = {value} {why}"
     # found where it begins, as a package that is installed is found
     real = run("run", "--real", "--force", plan, cwd=site)
     assert real.returncode == 2
     assert real.stdout == b""
-    assert told in real.stderr.decode()
+    assert text in real.stderr.decode()
     world = REPO / "corpus" / "worlds" / "arena.yaml"
     simulated = run("run", "--world", world, "--force", plan, cwd=site)
-    assert simulated.stderr.decode().count(f"note: {told}") == 1
+    assert simulated.stderr.decode().count(f"note: {text}") == 1
     assert simulated.returncode == 0
     assert simulated.stdout.count(b"COMPLETED") == 1  # with the built-in simulation

@@ -26,11 +26,11 @@ def test_it_judges_as_the_judge_does_from_any_thread() -> None:
     judge = PlanJudge(OPTIONS)
     expected = [judge(answer) for answer in answers]
     assert [each.accepted for each in expected][:4] == [True, False, True, False]
-    found = {}
+    actual = {}
     with JudgeApart(PlanJudge(OPTIONS)) as apart:
 
         def work(number: int) -> None:
-            found[number] = apart(answers[number])
+            actual[number] = apart(answers[number])
 
         threads = [threading.Thread(target=work, args=(each,)) for each in range(len(answers))]
         for thread in threads:
@@ -39,7 +39,7 @@ def test_it_judges_as_the_judge_does_from_any_thread() -> None:
             thread.join()
         child = apart._kept.current().child
         assert child.pid != os.getpid()
-    assert [found[number] for number in range(len(answers))] == expected
+    assert [actual[number] for number in range(len(answers))] == expected
     assert not child.alive
     assert child.exit_code() == -signal.SIGKILL
 

@@ -63,9 +63,9 @@ class Wall:
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Wall:
-    found = Wall()
-    monkeypatch.setattr(pace, "time", found)
-    return found
+    wall = Wall()
+    monkeypatch.setattr(pace, "time", wall)
+    return wall
 
 
 class Killed(KeyboardInterrupt):
@@ -134,28 +134,28 @@ def agrees(of: Prepared, rows: list[Row]) -> None:
 
 def test_a_pause_stops_the_clock_and_changes_nothing(clock: Wall) -> None:
     plain = Run(prepared()).go()
-    asked: list[float] = []
+    times: list[float] = []
 
     def act(pace: ClientPace) -> None:
         now_s = clock.now_s - 100.0
-        if now_s >= 0.5 and not asked:
-            asked.append(now_s)
+        if now_s >= 0.5 and not times:
+            times.append(now_s)
             assert pace.wish(note(PAUSE)) == ""
-        elif now_s >= 30 and len(asked) == 1:
-            asked.append(now_s)
+        elif now_s >= 30 and len(times) == 1:
+            times.append(now_s)
             assert pace.clock.paused
             assert pace.clock_us() == pytest.approx(1_000_000, abs=150_000)
             pace.wish(note(RESUME))
 
     run = Run(prepared(), speed=2.0)
     rows = run.go(act)
-    assert len(asked) == 2
+    assert len(times) == 2
     marks = [row for row in rows if row.kind == "NOTE"]
     assert [row.values["control"] for row in marks] == ["pause", "resume"]
     assert marks[0].at_us == marks[1].at_us  # however long it took
     others = [row for row in rows if row.kind != "NOTE"]
     assert [(r.kind, r.node, r.at_us) for r in others] == [(r.kind, r.node, r.at_us) for r in plain]
-    took_s = clock.now_s - 100.0 - (asked[1] - asked[0])
+    took_s = clock.now_s - 100.0 - (times[1] - times[0])
     assert took_s == pytest.approx(plain[-1].at_us / 2e6, abs=0.3)
     agrees(run.prepared, rows)
 
@@ -246,34 +246,34 @@ def test_a_run_that_somebody_meddled_with_goes_on_wherever_its_process_ends(cloc
 
 def test_who_asks_is_told_when_it_is_in_the_journal() -> None:
     run = Run(prepared(), paused=True)
-    told: list[tuple[str, list[str]]] = []
+    answers: list[tuple[str, list[str]]] = []
 
     def act(pace: ClientPace) -> None:
         for what in (SPEED, RESUME):
-            assert pace.wish(note(what), lambda why: told.append((why, controls()))) == ""
-        assert not told  # if the process ended now, nobody would have been told anything
+            assert pace.wish(note(what), lambda why: answers.append((why, controls()))) == ""
+        assert not answers  # if the process ended now, nobody would have been told anything
 
     def controls() -> list[str]:
         return [str(row.values["control"]) for row in run.journal.rows if row.kind == "NOTE"]
 
     run.go(act)
-    assert told == [("", [SPEED]), ("", [SPEED, RESUME])]
+    assert answers == [("", [SPEED]), ("", [SPEED, RESUME])]
 
 
 @pytest.mark.usefixtures("clock")
 def test_nothing_is_done_behind_what_ends_the_run() -> None:
     of = prepared(TOUR, WORLD)
     run = Run(of, speed=1.0)
-    told: list[str] = []
+    events: list[str] = []
 
     def act(pace: ClientPace) -> None:
         if pace.clock_us() >= 1_000_000:
-            pace.wish(note(FAIL, number=0, message="it is over"), told.append)
-            pace.wish(note(FAIL, number=0, message="once more"), told.append)
-            pace.wish(note(PAUSE), told.append)
+            pace.wish(note(FAIL, number=0, message="it is over"), events.append)
+            pace.wish(note(FAIL, number=0, message="once more"), events.append)
+            pace.wish(note(PAUSE), events.append)
 
     rows = run.go(act)
-    assert told == ["", "the run is about to end", "the run is about to end"]
+    assert events == ["", "the run is about to end", "the run is about to end"]
     assert run.kernel.status is Status.GAVE_UP
     assert [row.message for row in rows if row.kind == "NOTE"] == ["it is over"]
     agrees(of, rows)

@@ -21,11 +21,11 @@ pytest.importorskip("uvicorn", reason="the extra 'serve' is not installed")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     journal = tmp_path_factory.mktemp("service") / "queue.db"
     words = ("--journal", journal, "--durability", "process", "--failure", "0", "--workers", "1")
-    with Service(*words) as found:
-        yield found
+    with Service(*words) as server:
+        yield server
 
 
 @pytest.fixture
 def client(service: Service) -> Iterator[httpx.Client]:
-    with service.client() as found:
-        yield found
+    with service.client() as connection:
+        yield connection

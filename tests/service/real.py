@@ -157,25 +157,25 @@ class RealService(Service):
 def set_plan(client: httpx.Client, text: str, **more: Any) -> str:
     answer = client.post("/v1/plans", json={"plan": text, **more})
     assert answer.status_code == 200, answer.text
-    found: str = answer.json()["plan_id"]
-    return found
+    plan_id: str = answer.json()["plan_id"]
+    return plan_id
 
 
 def until(condition: Callable[[], Any], what: str = "what was waited for") -> Any:
     end_s = time.monotonic() + WAIT_S
-    while not (found := condition()):
+    while not (parsed := condition()):
         assert time.monotonic() < end_s, f"{what} did not happen"
         time.sleep(0.02)
-    return found
+    return parsed
 
 
 def held(client: httpx.Client) -> str:
     answer = client.get("/v1/queue")
     assert answer.status_code == 200, answer.text
-    found: str = answer.json()["held"]
-    return found
+    result: str = answer.json()["held"]
+    return result
 
 
 def status(client: httpx.Client, number: str) -> str:
-    found: str = client.get(f"/v1/plans/{number}").json()["status"]
-    return found
+    result: str = client.get(f"/v1/plans/{number}").json()["status"]
+    return result

@@ -33,11 +33,14 @@ class Service:
     """``gpsfsm serve`` with these words. Use it in a ``with`` statement, or start it by hand.
 
     The process is forked from one that has loaded what it takes, but in a ``folder`` that may hold
-    traps for what it loads, or with another command. Its own processes always are new, one
-    worker of each kind: a test that needs more names them.
+    traps for what it loads, or with another command. So are its own processes, but for
+    ``new_workers``; of these there is one of each kind: a test that needs more names them.
     """
 
-    def __init__(self, *words: object, folder: Path | None = None) -> None:
+    def __init__(
+        self, *words: object, folder: Path | None = None, new_workers: bool = False
+    ) -> None:
+        self._forks = not new_workers
         self._words = [str(word) for word in words]
         if "--workers" not in self._words:
             self._words += ["--workers", "1", "--gate-workers", "1"]
@@ -59,7 +62,9 @@ class Service:
         around = environment()
         if self.command is _NEW and self._folder is None and can_fork(around):
             words = [*_NEW[3:], *self._words]
-            return Forked(words, cwd=None, environment=around, stdout=subprocess.DEVNULL)
+            return Forked(
+                words, cwd=None, environment=around, stdout=subprocess.DEVNULL, forks=self._forks
+            )
         return subprocess.Popen(
             [sys.executable, *self.command, *self._words],
             stdin=subprocess.DEVNULL,
@@ -73,8 +78,8 @@ class Service:
         for words in self.process.stderr:
             line = words.decode("utf-8", "replace")
             self.said.append(line)
-            if (found := _ADDRESS.search(line)) is not None:
-                self.address = found[1]
+            if (match := _ADDRESS.search(line)) is not None:
+                self.address = match[1]
                 self._ready.set()
         self._ready.set()
 
@@ -120,16 +125,18 @@ class Service:
 
     def children(self) -> dict[int, str]:
         """The processes of the service, with their commands."""
-        found = {}
+        results = {}
         for place in Path("/proc").iterdir():
             try:
                 fields = (place / "stat").read_text().rpartition(")")[2].split()
                 command = (place / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                if "tests.forked" in command:  # its name says what it has become
+                    command = f"gpsfsm.{(place / 'comm').read_text().strip()}"
             except OSError:
                 continue
             if int(fields[1]) == self.process.pid and fields[0] != "Z":
-                found[int(place.name)] = command
-        return found
+                results[int(place.name)] = command
+        return results
 
     def __enter__(self) -> Self:
         return self.start()
@@ -155,16 +162,16 @@ def ended(client: httpx.Client, plan: str, *, within_s: float = 60) -> dict[str,
     while time.monotonic() < until_s:
         answer = client.post(f"/v1/plans/{plan}/completion", json={"wait_s": 10})
         assert answer.status_code == 200, answer.text
-        found: dict[str, Any] = answer.json()
-        if found["ended"]:
-            return found
+        document: dict[str, Any] = answer.json()
+        if document["ended"]:
+            return document
     raise AssertionError(f"plan {plan} has not ended")
 
 
 def events(client: httpx.Client, plan: str, after: int = 0) -> list[tuple[str, str, Any]]:
     """The events of a plan until its end: kind, id and data."""
     headers = {"last-event-id": str(after)} if after else {}
-    found = []
+    results = []
     with client.stream("GET", f"/v1/plans/{plan}/events", headers=headers) as answer:
         assert answer.status_code == 200
         kind = number = ""
@@ -175,9 +182,9 @@ def events(client: httpx.Client, plan: str, after: int = 0) -> list[tuple[str, s
             elif name == "id":
                 number = value
             elif name == "data":
-                found.append((kind, number, json.loads(value)))
+                results.append((kind, number, json.loads(value)))
                 number = ""
-    return found
+    return results
 
 
 def nested_trees(depth: int, width: int = 2) -> str:

@@ -38,17 +38,17 @@ BROKEN = '<Plan><Runner interface="a/Go" provider="a/Go"></Plan>'
 
 @pytest.mark.parametrize("plan", [GOOD, BAD, "<Plan/>", "no plan", ""])
 def test_a_check_is_the_report_of_the_command(client: httpx.Client, plan: str) -> None:
-    found = client.post("/v1/check", json={"plan": plan, "name": "<text>"})
-    assert found.status_code == 200
+    response = client.post("/v1/check", json={"plan": plan, "name": "<text>"})
+    assert response.status_code == 200
     report = gpsfsm.check(plan.encode())
-    assert found.json()["report"] == json.loads(render(report, "json"))
-    assert found.json()["ok"] is report.ok
-    jsonschema.validate(found.json()["report"], schema())
+    assert response.json()["report"] == json.loads(render(report, "json"))
+    assert response.json()["ok"] is report.ok
+    jsonschema.validate(response.json()["report"], schema())
 
 
 def test_a_check_renders_in_any_format(client: httpx.Client) -> None:
-    found = client.post("/v1/check", json={"plan": BAD, "name": "<text>", "format": "llm"})
-    assert found.json()["rendered"] == render(gpsfsm.check(BAD), "llm")
+    response = client.post("/v1/check", json={"plan": BAD, "name": "<text>", "format": "llm"})
+    assert response.json()["rendered"] == render(gpsfsm.check(BAD), "llm")
     wrong = client.post("/v1/check", json={"plan": BAD, "format": "nix"})
     assert wrong.status_code == 422
     assert "there is no format 'nix'" in wrong.json()["detail"]
@@ -60,9 +60,9 @@ def test_options_reach_the_check(client: httpx.Client) -> None:
         {"engine": "fabric-v1", "total_rlimit": 1_000_000},
     ):
         body = {"plan": GOOD, "name": "<text>", "options": options}
-        found = client.post("/v1/check", json=body)
+        response = client.post("/v1/check", json=body)
         wanted = gpsfsm.check(GOOD, **options)  # type: ignore[arg-type]
-        assert found.json()["report"] == json.loads(render(wanted, "json"))
+        assert response.json()["report"] == json.loads(render(wanted, "json"))
 
 
 def test_a_tree_includes_no_file_of_the_server(client: httpx.Client, tmp_path: Path) -> None:
@@ -84,11 +84,15 @@ def test_the_plan_may_be_the_body(client: httpx.Client) -> None:
 
 
 def test_the_gate_accepts_and_says_for_what(client: httpx.Client) -> None:
-    found = client.post("/v1/gate", json={"plan": GOOD}).json()
-    assert (found["verdict"], found["reason"], found["findings"]) == ("accepted", "passed", [])
+    document = client.post("/v1/gate", json={"plan": GOOD}).json()
+    assert (document["verdict"], document["reason"], document["findings"]) == (
+        "accepted",
+        "passed",
+        [],
+    )
     library = dump(builtin_capabilities().library).encode()
-    assert found["digests"]["plan"] == hashlib.sha256(GOOD.encode()).hexdigest()
-    assert found["digests"]["capabilities"] == hashlib.sha256(library).hexdigest()
+    assert document["digests"]["plan"] == hashlib.sha256(GOOD.encode()).hexdigest()
+    assert document["digests"]["capabilities"] == hashlib.sha256(library).hexdigest()
 
 
 @pytest.mark.parametrize(
@@ -100,10 +104,10 @@ def test_the_gate_asks_for_what_the_call_asks_for(
     """Equal digests: the same options, with the defaults of the call and of ``gpsfsm gate``."""
     wanted = gpsfsm.gate(GOOD, budget_ms=None, limits=plan_limits(), **more)
     body = {"plan": GOOD, "name": "<text>", "options": more}
-    found = client.post("/v1/gate", json=body).json()
-    assert found["digests"] == asdict(wanted.digests)
-    assert (found["verdict"] == "accepted") is wanted.accepted
-    assert found["message"] == wanted.message
+    document = client.post("/v1/gate", json=body).json()
+    assert document["digests"] == asdict(wanted.digests)
+    assert (document["verdict"] == "accepted") is wanted.accepted
+    assert document["message"] == wanted.message
 
 
 def test_the_gate_asks_for_a_task(client: httpx.Client) -> None:
@@ -111,9 +115,9 @@ def test_the_gate_asks_for_a_task(client: httpx.Client) -> None:
     check = check_options(analysis, limits=plan_limits())
     check = replace(check, task=read_task(TASK.encode()), trees=False)
     wanted = gate_text(GOOD, "<text>", GateOptions(check=check))
-    found = client.post("/v1/gate", json={"plan": GOOD, "name": "<text>", "task": TASK}).json()
-    assert found["digests"] == asdict(wanted.digests)
-    assert (found["verdict"] == "accepted") is wanted.accepted
+    document = client.post("/v1/gate", json={"plan": GOOD, "name": "<text>", "task": TASK}).json()
+    assert document["digests"] == asdict(wanted.digests)
+    assert (document["verdict"] == "accepted") is wanted.accepted
     other = client.post("/v1/gate", json={"plan": GOOD.replace("Go", "Stop"), "task": TASK}).json()
     assert (other["verdict"], other["reason"]) == ("rejected", "findings")
     task = hashlib.sha256(TASK.encode()).hexdigest()
@@ -127,11 +131,11 @@ def test_options_that_make_no_sense_accept_nothing(
     client: httpx.Client, wrong: dict[str, object]
 ) -> None:
     for path in ("/v1/check", "/v1/gate"):
-        found = client.post(path, json={"plan": GOOD, "options": wrong})
-        assert found.status_code == 422
-        assert found.json().get("verdict", "undecided") == "undecided"
+        response = client.post(path, json={"plan": GOOD, "options": wrong})
+        assert response.status_code == 422
+        assert response.json().get("verdict", "undecided") == "undecided"
     (name,) = wrong
-    assert name.replace("_", " ").split()[0] in found.json()["detail"]
+    assert name.replace("_", " ").split()[0] in response.json()["detail"]
 
 
 @pytest.mark.parametrize(
@@ -139,44 +143,44 @@ def test_options_that_make_no_sense_accept_nothing(
     [(BAD, "findings"), ("<Plan/>", "empty"), ("", "findings"), ("<Plan>" * 300, "inconclusive")],
 )
 def test_the_gate_refuses(client: httpx.Client, plan: str, reason: str) -> None:
-    found = client.post("/v1/gate", json={"plan": plan})
-    assert found.status_code == 200
+    response = client.post("/v1/gate", json={"plan": plan})
+    assert response.status_code == 200
     verdict = "undecided" if reason == "inconclusive" else "rejected"
-    assert (found.json()["verdict"], found.json()["reason"]) == (verdict, reason)
+    assert (response.json()["verdict"], response.json()["reason"]) == (verdict, reason)
 
 
 def test_a_grade_is_that_of_the_command(client: httpx.Client) -> None:
     grader = Grader(read_task(TASK.encode()))
     for answer in (GOOD, BROKEN, "nothing", GOOD.replace("Go", "Other")):
-        found = client.post("/v1/grade", json={"plan": answer, "task": TASK}).json()
+        document = client.post("/v1/grade", json={"plan": answer, "task": TASK}).json()
         wanted = grader.grade(answer, "answer.xml")
-        assert (found["grade"], found["reason"]) == (wanted.grade.value, wanted.reason)
+        assert (document["grade"], document["reason"]) == (wanted.grade.value, wanted.reason)
 
 
 def test_a_task_that_is_sent_reads_no_files_of_the_service(client: httpx.Client) -> None:
     task = f"{TASK}not_answers: [/etc/passwd]\n"
-    found = client.post("/v1/grade", json={"plan": GOOD, "task": task})
-    assert found.status_code == 422
-    assert "must not name files" in found.json()["detail"]
+    response = client.post("/v1/grade", json={"plan": GOOD, "task": task})
+    assert response.status_code == 422
+    assert "must not name files" in response.json()["detail"]
     broken = client.post("/v1/grade", json={"plan": GOOD, "task": "steps: 3"})
     assert broken.status_code == 422
 
 
 def test_a_fix_is_that_of_the_command(client: httpx.Client) -> None:
-    found = client.post("/v1/fix", json={"plan": BROKEN, "unsafe": True}).json()
+    document = client.post("/v1/fix", json={"plan": BROKEN, "unsafe": True}).json()
     wanted = fix_text(BROKEN, unsafe=True)
     assert wanted.text != BROKEN
-    assert (found["plan"], found["changed"]) == (wanted.text, True)
-    assert [each["rule"] for each in found["repairs"]] == [each.rule for each in wanted.applied]
+    assert (document["plan"], document["changed"]) == (wanted.text, True)
+    assert [each["rule"] for each in document["repairs"]] == [each.rule for each in wanted.applied]
     same = client.post("/v1/fix", json={"plan": GOOD}).json()
     assert (same["plan"], same["changed"], same["repairs"]) == (GOOD, False, [])
 
 
 def test_the_rules_are_all_there(client: httpx.Client) -> None:
-    found = client.get("/v1/rules").json()["rules"]
-    assert [each["code"] for each in found] == [each.code for each in gpsfsm.all_rules()]
-    first = client.get(f"/v1/rules/{found[0]['name']}").json()
-    assert first["code"] == found[0]["code"]
+    rules = client.get("/v1/rules").json()["rules"]
+    assert [each["code"] for each in rules] == [each.code for each in gpsfsm.all_rules()]
+    first = client.get(f"/v1/rules/{rules[0]['name']}").json()
+    assert first["code"] == rules[0]["code"]
     assert first["bad"]
     assert client.get("/v1/rules/GP000").status_code == 404
 
@@ -206,9 +210,9 @@ def test_what_was_counted(client: httpx.Client) -> None:
 
 
 def test_the_service_is_well(client: httpx.Client) -> None:
-    found = client.get("/health")
-    assert found.status_code == 200
-    assert found.json() == {
+    response = client.get("/health")
+    assert response.status_code == 200
+    assert response.json() == {
         "status": "ok",
         "version": gpsfsm.__version__,
         "workers": 1,
@@ -227,18 +231,18 @@ def test_a_file_around_the_service_decides_nothing(named: bool, tmp_path: Path) 
     service = Service(*(("--config", file) if named else ()), folder=tmp_path)
     service.command = [word for word in service.command if word != "--isolated"]
     with service, service.client() as client:
-        found = client.post("/v1/gate", json={"plan": plan}).json()
-    assert found["verdict"] == ("accepted" if named else "rejected")
+        document = client.post("/v1/gate", json={"plan": plan}).json()
+    assert document["verdict"] == ("accepted" if named else "rejected")
 
 
 def test_options_without_any_effect_are_refused(client: httpx.Client) -> None:
     for name, value in {"deadline_s": 5.0, "max_scenarios": 1, "select": ["GP3"]}.items():
         request = {"plan": GOOD, "task": TASK, "options": {name: value}}
-        found = client.post("/v1/grade", json=request)
-        assert found.status_code == 422
-        assert f"{name} has no effect on grade: " in found.json()["detail"]
+        response = client.post("/v1/grade", json=request)
+        assert response.status_code == 422
+        assert f"{name} has no effect on grade: " in response.json()["detail"]
     request = {"plan": GOOD, "options": {"ignore": ["GP111"]}}
-    found = client.post("/v1/gate", json=request)
-    assert (found.status_code, found.json()["verdict"]) == (422, "undecided")
-    assert "ignore has no effect on a gate" in found.json()["detail"]
+    response = client.post("/v1/gate", json=request)
+    assert (response.status_code, response.json()["verdict"]) == (422, "undecided")
+    assert "ignore has no effect on a gate" in response.json()["detail"]
     assert client.post("/v1/gate", json={**request, "fail_on": "warning"}).status_code == 200

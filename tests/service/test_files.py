@@ -15,7 +15,7 @@ TOKEN = "t0k3n-of-sixteen-letters"  # noqa: S105
 WEB = files("gpsfsm.viewing").joinpath("web")
 
 
-def asked(
+def response_to(
     path: str, *, method: str = "GET", settings: Settings | None = None, **headers: str
 ) -> httpx.Response:
     """An answer of the application itself, without processes."""
@@ -39,13 +39,13 @@ def asked(
     ],
 )
 def test_a_file_comes_as_it_is(path: str, file: str, media: str) -> None:
-    found = asked(path)
-    assert found.status_code == 200
-    assert found.content == WEB.joinpath(file).read_bytes()
-    assert found.headers["content-type"] == media
-    assert found.headers["x-content-type-options"] == "nosniff"
-    assert found.headers["x-frame-options"] == "DENY"
-    policy = found.headers["content-security-policy"]
+    actual = response_to(path)
+    assert actual.status_code == 200
+    assert actual.content == WEB.joinpath(file).read_bytes()
+    assert actual.headers["content-type"] == media
+    assert actual.headers["x-content-type-options"] == "nosniff"
+    assert actual.headers["x-frame-options"] == "DENY"
+    policy = actual.headers["content-security-policy"]
     assert "default-src 'none'" in policy
     assert "frame-ancestors 'none'" in policy
     assert "unsafe" not in policy
@@ -61,17 +61,17 @@ def test_a_file_comes_as_it_is(path: str, file: str, media: str) -> None:
     ],
 )
 def test_there_is_nothing_else(path: str) -> None:
-    found = asked(path)
-    assert found.status_code == 404
-    assert found.headers["content-type"] == "application/problem+json"
+    actual = response_to(path)
+    assert actual.status_code == 404
+    assert actual.headers["content-type"] == "application/problem+json"
 
 
 def test_the_page_needs_no_token_but_what_it_asks_for_does() -> None:
     settings = Settings(tokens=(Secret(TOKEN),))
     for path in ("/", "/ui/live.js", "/ui/page.css"):
-        assert asked(path, settings=settings).status_code == 200
+        assert response_to(path, settings=settings).status_code == 200
     for path in ("/v1/service", "/v1/runs", "/openapi.json", "/ui/live.js/x", "/uix"):
-        assert asked(path, settings=settings).status_code == 401
+        assert response_to(path, settings=settings).status_code == 401
 
 
 @pytest.mark.parametrize(
@@ -95,25 +95,25 @@ def test_the_page_needs_no_token_but_what_it_asks_for_does() -> None:
 )
 def test_pages_of_others_do_nothing(method: str, headers: dict[str, str], status: int) -> None:
     path = "/v1/plans/1/cancel" if method == "POST" else "/v1/plans/1"
-    assert asked(path, method=method, **headers).status_code == status
+    assert response_to(path, method=method, **headers).status_code == status
 
 
 def test_a_link_of_another_site_may_lead_to_the_page() -> None:
     there = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
-    assert asked("/", **there).status_code == 200
-    assert asked("/", method="POST", **there).status_code == 403
+    assert response_to("/", **there).status_code == 200
+    assert response_to("/", method="POST", **there).status_code == 403
 
 
 def test_a_name_that_was_allowed_may_be_where_a_page_comes_from() -> None:
     settings = Settings(hosts=("robots.example",))
     headers = {"origin": "https://robots.example", "host": "localhost:8321"}
-    found = asked("/v1/plans/1/cancel", method="POST", settings=settings, **headers)
-    assert found.status_code == 501
+    actual = response_to("/v1/plans/1/cancel", method="POST", settings=settings, **headers)
+    assert actual.status_code == 501
 
 
 def test_a_page_is_told_that_nothing_can_be_run() -> None:
-    found = asked("/v1/service").json()
-    assert (found["queue"], found["worlds"], found["regenerates"]) == (False, [], False)
+    document = response_to("/v1/service").json()
+    assert (document["queue"], document["worlds"], document["regenerates"]) == (False, [], False)
     for path in ("/v1/runs", "/v1/runs/1", "/v1/runs/1/events", "/v1/worlds/home"):
-        assert asked(path).status_code == 501
-    assert asked("/v1/queue/events").status_code == 501
+        assert response_to(path).status_code == 501
+    assert response_to("/v1/queue/events").status_code == 501

@@ -143,7 +143,7 @@ def test_what_is_about_to_close_is_not_ready(tmp_path: Path) -> None:
     """Without ``--drain`` it says so to the connections that are still there."""
     settings = Settings(workers=1)
 
-    async def asked() -> list[str]:
+    async def statuses() -> list[str]:
         core = core_module.Core(settings)
         try:
             await core.start()
@@ -153,4 +153,4 @@ def test_what_is_about_to_close_is_not_ready(tmp_path: Path) -> None:
         finally:
             await core.close()
 
-    assert asyncio.run(asked()) == ["draining"]
+    assert asyncio.run(statuses()) == ["draining"]

@@ -30,8 +30,8 @@ WORDS = ("--workers", "1", "--time-limit", "2", "--max-body", "300000")
 
 @pytest.fixture(scope="module")
 def service() -> Iterator[Service]:
-    with Service(*WORDS) as found:
-        yield found
+    with Service(*WORDS) as server:
+        yield server
 
 
 @pytest.fixture(autouse=True)
@@ -42,15 +42,17 @@ def _still_there(service: Service) -> Iterator[None]:
         while client.get("/health").status_code != 200:  # a worker may have to be replaced
             assert time.monotonic() < until_s
             time.sleep(0.1)
-        found = client.post("/v1/gate", json={"plan": GOOD})
-        assert (found.status_code, found.json()["verdict"]) == (200, "accepted"), found.text
+        response = client.post("/v1/gate", json={"plan": GOOD})
+        assert (response.status_code, response.json()["verdict"]) == (200, "accepted"), (
+            response.text
+        )
 
 
-def refused(found: httpx.Response, status: int) -> str:
+def refused(response: httpx.Response, status: int) -> str:
     """The reason in a problem of the gate, which says no whatever has happened."""
-    assert found.status_code == status, found.text
-    assert found.headers["content-type"] == PROBLEM
-    body = found.json()
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == PROBLEM
+    body = response.json()
     assert (body["status"], body["verdict"], body["reason"]) == (
         status,
         "undecided",
@@ -66,11 +68,11 @@ def raw(service: Service, *parts: bytes) -> bytes:
         for part in parts:
             with suppress(OSError):  # it may have closed already
                 line.sendall(part)
-        found = b""
+        output = b""
         with suppress(ConnectionResetError):
             while part := line.recv(65_536):
-                found += part
-        return found
+                output += part
+        return output
 
 
 def test_a_plan_that_takes_too_long_costs_a_worker_and_nothing_else(client: httpx.Client) -> None:
@@ -84,7 +86,7 @@ def test_a_plan_that_takes_too_long_costs_a_worker_and_nothing_else(client: http
 def test_a_worker_that_is_killed_is_replaced(service: Service, client: httpx.Client) -> None:
     with ThreadPoolExecutor(1) as pool:
         slow = {"plan": slow_plan(), "options": {"consistent": True}}
-        asked = pool.submit(lambda: client.post("/v1/gate", json=slow))
+        pending = pool.submit(lambda: client.post("/v1/gate", json=slow))
         until_s = time.monotonic() + 60
         with service.client() as other:
             while "gpsfsm_workers_busy 1" not in other.get("/metrics").text.splitlines():
@@ -93,7 +95,7 @@ def test_a_worker_that_is_killed_is_replaced(service: Service, client: httpx.Cli
         for child, command in service.children().items():
             assert "gpsfsm.service.worker" in command
             os.kill(child, signal.SIGKILL)
-        assert "SIGKILL" in refused(asked.result(), 503)
+        assert "SIGKILL" in refused(pending.result(), 503)
 
 
 def test_a_worker_that_ends_in_its_sleep_fails_no_request(
@@ -112,9 +114,9 @@ def test_a_worker_that_ends_in_its_sleep_fails_no_request(
 
 def test_a_body_that_is_announced_too_long_is_not_read(service: Service) -> None:
     head = b"POST /v1/gate HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
-    found = raw(service, head + b"Content-Length: 300001\r\n\r\n")  # and nothing comes
-    assert found.startswith(b"HTTP/1.1 413 ")
-    assert b'"verdict": "undecided"' in found
+    response = raw(service, head + b"Content-Length: 300001\r\n\r\n")  # and nothing comes
+    assert response.startswith(b"HTTP/1.1 413 ")
+    assert b'"verdict": "undecided"' in response
     odd = raw(service, head + b"Content-Length: 9999999999999999999999\r\n\r\n")
     assert odd.startswith((b"HTTP/1.1 400 ", b"HTTP/1.1 413 "))
 
@@ -122,8 +124,8 @@ def test_a_body_that_is_announced_too_long_is_not_read(service: Service) -> None
 def test_a_body_that_turns_out_too_long(service: Service) -> None:
     head = b"POST /v1/gate HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
     chunk = b"10000\r\n" + b"x" * 0x10000 + b"\r\n"
-    found = raw(service, head + b"Transfer-Encoding: chunked\r\n\r\n", *[chunk] * 20)
-    assert found.startswith(b"HTTP/1.1 413 ")
+    response = raw(service, head + b"Transfer-Encoding: chunked\r\n\r\n", *[chunk] * 20)
+    assert response.startswith(b"HTTP/1.1 413 ")
 
 
 @pytest.mark.parametrize(
@@ -162,9 +164,9 @@ def test_bodies_that_make_no_sense(client: httpx.Client, body: bytes) -> None:
     ],
 )
 def test_plans_that_are_none(client: httpx.Client, plan: str) -> None:
-    found = client.post("/v1/gate", json={"plan": plan})
-    assert found.status_code == 200
-    assert found.json()["verdict"] in ("rejected", "undecided")
+    response = client.post("/v1/gate", json={"plan": plan})
+    assert response.status_code == 200
+    assert response.json()["verdict"] in ("rejected", "undecided")
 
 
 @pytest.mark.parametrize("media", ["text/plain", "application/x-www-form-urlencoded", "", "x"])
@@ -178,8 +180,8 @@ def test_only_media_types_that_no_page_sends_unasked(client: httpx.Client, media
     [{"host": "robots.example"}, {"host": "127.0.0.1.example:80"}, {"origin": "http://x.example"}],
 )
 def test_pages_of_other_sites_may_not_ask(client: httpx.Client, headers: dict[str, str]) -> None:
-    found = client.post("/v1/gate", json={"plan": GOOD}, headers=headers)
-    refused(found, 421 if "host" in headers else 403)
+    response = client.post("/v1/gate", json={"plan": GOOD}, headers=headers)
+    refused(response, 421 if "host" in headers else 403)
 
 
 @pytest.mark.parametrize("each", [each for each in all_endpoints() if each.request is not None])
@@ -202,9 +204,9 @@ def test_a_key_twice_is_refused_by_every_endpoint_that_reads_json(each: Endpoint
     ],
 )
 def test_heads_that_say_two_things(service: Service, heads: bytes) -> None:
-    found = raw(service, b"POST /v1/gate HTTP/1.1\r\n" + heads + b"\r\n{}")
-    assert found.startswith((b"HTTP/1.1 400 ", b"HTTP/1.1 501 ")), found
-    assert b'"verdict": "undecided"' in found
+    response = raw(service, b"POST /v1/gate HTTP/1.1\r\n" + heads + b"\r\n{}")
+    assert response.startswith((b"HTTP/1.1 400 ", b"HTTP/1.1 501 ")), response
+    assert b'"verdict": "undecided"' in response
 
 
 def test_a_target_with_a_host_of_its_own(service: Service) -> None:
@@ -217,14 +219,14 @@ def test_a_target_with_a_host_of_its_own(service: Service) -> None:
     [b"nonsense\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/1.1\r\nHost: a\r\nx y\r\n\r\n"],
 )
 def test_what_is_no_http(service: Service, request_line: bytes) -> None:
-    found = raw(service, request_line)
-    assert found.startswith(b"HTTP/1.1 400 ")
-    assert PROBLEM.encode() in found
+    response = raw(service, request_line)
+    assert response.startswith(b"HTTP/1.1 400 ")
+    assert PROBLEM.encode() in response
 
 
 def test_a_head_without_an_end(service: Service) -> None:
-    found = raw(service, b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"x" * 100_000)
-    assert found.startswith(b"HTTP/1.1 400 ") or found == b""
+    response = raw(service, b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"x" * 100_000)
+    assert response.startswith(b"HTTP/1.1 400 ") or response == b""
 
 
 def test_many_connections_at_once(service: Service, client: httpx.Client) -> None:
@@ -302,7 +304,7 @@ def drip(service: Service, content: bytes) -> bytes:
     """What comes back if this is sent one byte after the other."""
     with service.connect() as line:
         line.settimeout(0.05)
-        found = b""
+        output = b""
         for byte in content:
             try:
                 line.sendall(bytes((byte,)))
@@ -310,10 +312,10 @@ def drip(service: Service, content: bytes) -> bytes:
             except TimeoutError:
                 continue
             except OSError:
-                return found
-            found += part
+                return output
+            output += part
             if not part:
-                return found
+                return output
         raise AssertionError("it was never cut off")
 
 

@@ -78,18 +78,18 @@ def runs_of(journal: Path) -> dict[int, list[str]]:
         statuses = {each.number: each.status.value for each in reader.runs()}
         for number in statuses:
             reader.verify(number)
-        found: dict[int, list[str]] = {}
+        results: dict[int, list[str]] = {}
         for _, _, kind, plan, _, data, _ in reader.queue():
             if kind == "RUN":
-                found.setdefault(plan, []).append(statuses[json.loads(data)["run"]])
-        return found
+                results.setdefault(plan, []).append(statuses[json.loads(data)["run"]])
+        return results
 
 
 def check(journal: Path, accepted: dict[str, str], plans: int) -> None:
-    found = runs_of(journal)
-    assert sorted(found) == list(range(1, plans + 1))
-    assert all(len(statuses) == 1 for statuses in found.values())
-    assert {statuses[0] for statuses in found.values()} == {"COMPLETED"}
+    runs = runs_of(journal)
+    assert sorted(runs) == list(range(1, plans + 1))
+    assert all(len(statuses) == 1 for statuses in runs.values())
+    assert {statuses[0] for statuses in runs.values()} == {"COMPLETED"}
     assert len(set(accepted.values())) == len(accepted)
     assert all(1 <= int(plan) <= plans for plan in accepted.values())
 
@@ -173,9 +173,9 @@ def test_a_plan_that_ends_its_process_is_given_up(tmp_path: Path) -> None:
             assert len(children) == 1, attempt
             os.kill(children[0], signal.SIGKILL)
             time.sleep(0.3)
-        found = ended(client, "1")
-        assert found["status"] == "CANCELLED"
-        assert "the process that ran it has ended 3 times" in found["reason"]
+        end = ended(client, "1")
+        assert end["status"] == "CANCELLED"
+        assert "the process that ran it has ended 3 times" in end["reason"]
         until_s = time.monotonic() + 60
         while client.get("/v1/plans/2").json()["status"] != "RUNNING":
             assert time.monotonic() < until_s

@@ -40,52 +40,56 @@ def words(folder: Path) -> tuple[object, ...]:
 
 @pytest.fixture(scope="module")
 def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    with Service(*words(tmp_path_factory.mktemp("live"))) as found:
-        yield found
+    with Service(*words(tmp_path_factory.mktemp("live"))) as service:
+        yield service
 
 
 @pytest.fixture
 def page(live: Service) -> Iterator[httpx.Client]:
-    with live.client() as found:
-        yield found
+    with live.client() as client:
+        yield client
 
 
 def begin(client: httpx.Client, plan: str = TOUR, **start: Any) -> str:
-    found = client.post("/v1/plans", json={"plan": plan, "name": "tour.xml", "start": start})
-    assert found.status_code == 200, found.text
-    number: str = found.json()["plan_id"]
+    response = client.post("/v1/plans", json={"plan": plan, "name": "tour.xml", "start": start})
+    assert response.status_code == 200, response.text
+    number: str = response.json()["plan_id"]
     return number
 
 
 def until(client: httpx.Client, plan: str, holds: Callable[[dict[str, Any]], bool]) -> Any:
     """How a plan stands as soon as this is true of it."""
     until_s = time.monotonic() + 60
-    while not holds(found := client.get(f"/v1/plans/{plan}").json()):
-        assert time.monotonic() < until_s, found
+    while not holds(document := client.get(f"/v1/plans/{plan}").json()):
+        assert time.monotonic() < until_s, document
         time.sleep(0.02)
-    return found
+    return document
 
 
 def do(client: httpx.Client, plan: str, what: str, **more: Any) -> dict[str, Any]:
     answer = client.post(f"/v1/plans/{plan}/{what}", json=more)
     assert answer.status_code == 200, answer.text
-    found: dict[str, Any] = answer.json()
-    return found
+    document: dict[str, Any] = answer.json()
+    return document
 
 
-def obeys(client: httpx.Client, path: str, found: Any) -> None:
+def obeys(client: httpx.Client, path: str, actual: Any) -> None:
     """An answer is as the OpenAPI document says."""
     document = client.get("/openapi.json").json()
     shape = document["paths"][path]["get"]["responses"]["200"]["content"]["application/json"]
-    jsonschema.validate(found, {**shape["schema"], "components": document["components"]})
+    jsonschema.validate(actual, {**shape["schema"], "components": document["components"]})
 
 
 def test_it_tells_what_it_has(page: httpx.Client) -> None:
-    found = page.get("/v1/service").json()
-    obeys(page, "/v1/service", found)
-    assert [each["world"] for each in found["worlds"]] == ["home", "arena", "drawn", "field"]
-    assert [each["default"] for each in found["worlds"]] == [True, False, False, False]
-    assert (found["queue"], found["generates"], found["regenerates"]) == (True, False, False)
+    document = page.get("/v1/service").json()
+    obeys(page, "/v1/service", document)
+    assert [each["world"] for each in document["worlds"]] == ["home", "arena", "drawn", "field"]
+    assert [each["default"] for each in document["worlds"]] == [True, False, False, False]
+    assert (document["queue"], document["generates"], document["regenerates"]) == (
+        True,
+        False,
+        False,
+    )
     arena = page.get("/v1/worlds/arena").json()
     obeys(page, "/v1/worlds/{world}", arena)
     assert arena["area"] == [-4.0, -4.0, 4.0, 4.0]
@@ -96,8 +100,8 @@ def test_it_tells_what_it_has(page: httpx.Client) -> None:
 
 def test_a_run_is_paused_stepped_and_goes_on(page: httpx.Client) -> None:
     plan = begin(page, world="home", speed=4.0, paused=True, seed=5)
-    found = until(page, plan, lambda state: state["run"] is not None)
-    assert (found["status"], found["paused"], found["speed"]) == ("RUNNING", True, 4.0)
+    reached = until(page, plan, lambda state: state["run"] is not None)
+    assert (reached["status"], reached["paused"], reached["speed"]) == ("RUNNING", True, 4.0)
     answer = do(page, plan, "step", events=1)
     assert (answer["success"], answer["paused"]) == (True, True)
     assert do(page, plan, "resume")["paused"] is False
@@ -118,20 +122,20 @@ def test_a_run_is_paused_stepped_and_goes_on(page: httpx.Client) -> None:
 def test_the_journal_has_what_a_map_shows(page: httpx.Client) -> None:
     plan = begin(page, world="home", speed=0)
     run = ended(page, plan)["run"]
-    found = page.get(f"/v1/runs/{run}").json()
-    obeys(page, "/v1/runs/{run}", found)
-    told = [each["data"] | {"at": each["at_us"] / 1e6} for each in found["records"]
+    document = page.get(f"/v1/runs/{run}").json()
+    obeys(page, "/v1/runs/{run}", document)
+    reported = [each["data"] | {"at": each["at_us"] / 1e6} for each in document["records"]
             if each["kind"] == "LOG"]  # fmt: skip
-    assert [each["world"] for each in told] == [
+    assert [each["world"] for each in reported] == [
         *("drive", "pose", "arrive", "say", "drive", "pose", "arrive"),
     ]
-    drive, pose, arrive, say, back, *_ = told
+    drive, pose, arrive, say, back, *_ = reported
     length = sum(math.dist(a, b) for a, b in zip(drive["way"], drive["way"][1:], strict=False))
     assert drive["at"] + length / drive["speed"] <= pose["at"] + 1e-3
     assert (pose["x"], pose["y"]) == tuple(drive["way"][-1]) == (arrive["x"], arrive["y"])
     assert (say["text"], say["x"], back["way"][0]) == ("Here I am.", 2.0, [2.0, -0.5])
-    assert found["world_at"] == page.get("/v1/worlds/home").json()
-    assert (found["plan"], found["pose"], found["begun_s"]) == (TOUR, None, 0.0)
+    assert document["world_at"] == page.get("/v1/worlds/home").json()
+    assert (document["plan"], document["pose"], document["begun_s"]) == (TOUR, None, 0.0)
 
 
 def test_who_does_not_choose_gets_the_world_as_the_plan_before_has_left_it(
@@ -160,27 +164,27 @@ def test_an_action_that_somebody_lets_fail(page: httpx.Client, live: Service) ->
         "Value error, name either a node or an element",
     )
     assert do(page, plan, "fail", element="/Plan/Runner[1]", message="a cat")["success"]
-    found = ended(page, plan)
-    assert found["status"] == "GAVE_UP"
+    end = ended(page, plan)
+    assert end["status"] == "GAVE_UP"
     records = [data for kind, _, data in events(page, plan) if kind == "record"]
     failed = next(each for each in records if each["kind"] == "FAILED")
     assert (failed["element"], failed["message"]) == ("/Plan/Runner[1]", "a cat")
-    assert main(["replay", live.journal, "--run", str(found["run"])]) == 0
+    assert main(["replay", live.journal, "--run", str(end["run"])]) == 0
 
 
 def test_a_run_that_stands_still_is_cancelled(page: httpx.Client) -> None:
     plan = begin(page, "<Plan>" + GOOD[6:], world="drawn", paused=True)
     until(page, plan, lambda state: state["paused"] and state["run"] is not None)
     assert do(page, plan, "cancel", reason="enough")["success"]
-    found = ended(page, plan)
-    assert (found["status"], found["world"], found["paused"]) == ("CANCELLED", "drawn", False)
+    end = ended(page, plan)
+    assert (end["status"], end["world"], end["paused"]) == ("CANCELLED", "drawn", False)
 
 
 def test_a_world_that_there_is_not(page: httpx.Client) -> None:
     before = page.get("/v1/plans").json()["total"]
-    found = page.post("/v1/plans", json={"plan": GOOD, "start": {"world": "nowhere"}})
-    assert found.status_code == 422
-    assert "no world 'nowhere'" in found.json()["detail"]
+    response = page.post("/v1/plans", json={"plan": GOOD, "start": {"world": "nowhere"}})
+    assert response.status_code == 422
+    assert "no world 'nowhere'" in response.json()["detail"]
     for start in ({"speed": -1}, {"speed": 1e9}, {"colour": 1}, {"seed": -1}, {"paused": "yes"}):
         assert page.post("/v1/plans", json={"plan": GOOD, "start": start}).status_code == 422
     assert page.get("/v1/plans").json()["total"] == before
@@ -216,9 +220,9 @@ def test_the_nodes_of_a_run_are_those_of_its_view(page: httpx.Client) -> None:
     pytest.importorskip("gpsfsm.service.endpoints.checks", reason="nothing makes views")
     assert endpoint("view")
     run = ended(page, begin(page, world="home", speed=0))["run"]
-    found = page.get(f"/v1/runs/{run}").json()
-    view = found["view"]["plans"][0]
-    named = [each for each in found["records"] if "node" in each]
+    document = page.get(f"/v1/runs/{run}").json()
+    view = document["view"]["plans"][0]
+    named = [each for each in document["records"] if "node" in each]
     assert named
     assert view["automaton"] is not None
     for each in named:
@@ -241,9 +245,9 @@ def test_a_run_goes_on_as_it_was_when_the_service_is_killed(
     assert main(["resume", str(tmp_path / "q.db")]) == 2  # plans wait that have another world
     assert "let 'gpsfsm serve' continue them" in capsys.readouterr().err
     with Service(*words(tmp_path)) as service, service.client() as client:
-        found = until(client, plan, lambda state: state["status"] == "RUNNING")
-        assert (found["paused"], found["speed"], found["world"]) == (True, 3.0, "home")
-        assert abs(found["clock_us"] - stood) < 1_000_000
+        reached = until(client, plan, lambda state: state["status"] == "RUNNING")
+        assert (reached["paused"], reached["speed"], reached["world"]) == (True, 3.0, "home")
+        assert abs(reached["clock_us"] - stood) < 1_000_000
         do(client, plan, "speed", speed=0)
         do(client, plan, "resume")
         assert ended(client, plan)["completed"]
@@ -302,8 +306,8 @@ def test_a_plan_is_continued_in_its_own_world_also_after_a_restart(tmp_path: Pat
         while client.get("/v1/plans").json()["total"] < 3:
             assert time.monotonic() < until_s
             time.sleep(0.1)
-        found = ended(client, "3")
-        assert (found["status"], found["continues"]) == ("COMPLETED", "2")
+        end = ended(client, "3")
+        assert (end["status"], end["continues"]) == ("COMPLETED", "2")
         assert [client.get(f"/v1/plans/{n}").json()["world"] for n in (1, 2, 3)] == ["closing"] * 3
         assert service.stop() == 0
     assert main(["replay", str(tmp_path / "q.db")]) == 0

@@ -20,8 +20,8 @@ MORE = {"plan": Path(MISSION).read_text(encoding="utf-8"), "name": "mission.xml"
 
 
 def words(folder: Path) -> tuple[str, ...]:
-    found = ("--journal", str(folder / "q.db"), "--world", CLOSING, "--task", TASK)
-    return (*found, "--model", f"replay:{folder / 'answers.jsonl'}", "--workers", "1")
+    result = ("--journal", str(folder / "q.db"), "--world", CLOSING, "--task", TASK)
+    return (*result, "--model", f"replay:{folder / 'answers.jsonl'}", "--workers", "1")
 
 
 def wait_for(client: httpx.Client, plans: int) -> None:
@@ -41,9 +41,9 @@ def test_a_plan_that_gives_up_is_continued_also_after_a_restart(tmp_path: Path) 
         service.kill()
     with Service(*words(tmp_path)) as service, service.client() as client:
         wait_for(client, 3)
-        found = ended(client, "3")
-        assert found["completed"]
-        assert found["continues"] == "2"
+        end = ended(client, "3")
+        assert end["completed"]
+        assert end["continues"] == "2"
         assert service.stop() == 0
     assert statuses(tmp_path / "q.db") == ["GAVE_UP", "GAVE_UP", "COMPLETED"]
     assert [each["accepted"] for each in rows(tmp_path / "q.db", "GENERATED")] == [True, True]
@@ -59,11 +59,11 @@ def test_a_plan_that_gives_up_is_continued_also_after_a_restart(tmp_path: Path) 
 def test_plans_that_are_asked_for(tmp_path: Path) -> None:
     answers(tmp_path, "I do not know.", ELSEWHERE)
     with Service(*words(tmp_path)) as service, service.client() as client:
-        asked = {"task": "go there", "auto_queue": True, "request_id": "mine"}
-        found = client.post("/v1/generate", json=asked).json()
-        assert (found["accepted"], found["plan"]) == (True, ELSEWHERE)
-        assert found["attempts"] == 2
-        assert (found["plan_id"], found["status"]) == ("1", "QUEUED")
+        request = {"task": "go there", "auto_queue": True, "request_id": "mine"}
+        document = client.post("/v1/generate", json=request).json()
+        assert (document["accepted"], document["plan"]) == (True, ELSEWHERE)
+        assert document["attempts"] == 2
+        assert (document["plan_id"], document["status"]) == ("1", "QUEUED")
         assert ended(client, "1")["completed"]
         alone = client.post("/v1/generate", json={"task": "go there"}).json()
         assert (alone["plan_id"], alone["status"], alone["code"]) == (
@@ -72,11 +72,11 @@ def test_plans_that_are_asked_for(tmp_path: Path) -> None:
             16,
         )
         answers(tmp_path, "No.", "No!", "Never.")
-        none = client.post("/v1/generate", json=asked).json()
+        none = client.post("/v1/generate", json=request).json()
         assert (none["accepted"], none["plan"], none["plan_id"]) == (False, "", "")
         assert none["reasoning"]
         (tmp_path / "answers.jsonl").unlink()
-        broken = client.post("/v1/generate", json=asked)
+        broken = client.post("/v1/generate", json=request)
         assert broken.status_code == 502
         assert "could not be asked" in broken.json()["detail"]
         empty = client.post("/v1/generate", json={"task": ""})
@@ -84,10 +84,10 @@ def test_plans_that_are_asked_for(tmp_path: Path) -> None:
 
 
 def test_while_a_model_thinks_the_queue_answers_and_a_stop_loses_nothing(tmp_path: Path) -> None:
-    asked, thought = threading.Event(), threading.Event()
+    request, thought = threading.Event(), threading.Event()
 
     def answer(_: object) -> str:
-        asked.set()
+        request.set()
         assert thought.wait(60)
         return ELSEWHERE
 
@@ -97,7 +97,7 @@ def test_while_a_model_thinks_the_queue_answers_and_a_stop_loses_nothing(tmp_pat
         mine = (*base[:6], *model, "--no-constrain", *base[8:], "--grace", "20")
         with Service(*mine) as service, service.client() as client:
             client.post("/v1/plans", json=MORE)
-            assert asked.wait(60)
+            assert request.wait(60)
             assert client.get("/v1/plans/1").json()["status"] == "GAVE_UP"
             assert client.post("/v1/plans", json=MORE).json()["plan_id"] == "2"
             assert client.get("/v1/plans/2").json()["status"] == "QUEUED"

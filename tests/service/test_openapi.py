@@ -17,14 +17,16 @@ if TYPE_CHECKING:
 
 def shape(document: dict[str, Any], path: str, method: str, status: int, media: str) -> Any:
     operation = document["paths"][path][method]
-    found = operation["responses"][str(status)]["content"][media]["schema"]
-    return {**found, "components": document["components"]}
+    schema = operation["responses"][str(status)]["content"][media]["schema"]
+    return {**schema, "components": document["components"]}
 
 
 def test_it_is_about_every_endpoint(client: httpx.Client) -> None:
     document = client.get("/openapi.json").json()
-    told = {(path, method.upper()) for path, each in document["paths"].items() for method in each}
-    assert told == {(each.path, each.method) for each in all_endpoints()}
+    operations = {
+        (path, method.upper()) for path, each in document["paths"].items() for method in each
+    }
+    assert operations == {(each.path, each.method) for each in all_endpoints()}
     names = [one["operationId"] for each in document["paths"].values() for one in each.values()]
     assert len(names) == len(set(names))
 
@@ -45,9 +47,9 @@ def test_every_reference_leads_somewhere(client: httpx.Client) -> None:
             waiting += each.values()
         elif isinstance(each, list):
             waiting += each
-    known = {f"#/components/schemas/{name}" for name in document["components"]["schemas"]}
+    names = {f"#/components/schemas/{name}" for name in document["components"]["schemas"]}
     assert seen
-    assert seen <= known
+    assert seen <= names
 
 
 @pytest.mark.parametrize(
@@ -66,11 +68,11 @@ def test_answers_obey_it(
     client: httpx.Client, path: str, body: dict[str, Any], status: int
 ) -> None:
     document = client.get("/openapi.json").json()
-    found = client.post(path, json=body)
-    assert found.status_code == status, found.text
+    response = client.post(path, json=body)
+    assert response.status_code == status, response.text
     media = "application/json" if status == 200 else "application/problem+json"
-    assert found.headers["content-type"] == media
-    jsonschema.validate(found.json(), shape(document, path, "post", status, media))
+    assert response.headers["content-type"] == media
+    jsonschema.validate(response.json(), shape(document, path, "post", status, media))
 
 
 def test_answers_about_plans_obey_it(client: httpx.Client) -> None:
@@ -78,10 +80,10 @@ def test_answers_about_plans_obey_it(client: httpx.Client) -> None:
     plan = client.post("/v1/plans", json={"plan": GOOD}).json()["plan_id"]
     ended(client, plan)
     for path in ("/v1/plans", "/v1/plans/{plan}", "/v1/rules", "/v1/rules/{rule}", "/health"):
-        found = client.get(path.format(plan=plan, rule="GP302"))
+        response = client.get(path.format(plan=plan, rule="GP302"))
         wanted = shape(document, path, "get", 200, "application/json")
-        jsonschema.validate(found.json(), wanted)
+        jsonschema.validate(response.json(), wanted)
     for name in ("cancel", "completion"):
-        found = client.post(f"/v1/plans/{plan}/{name}")
+        response = client.post(f"/v1/plans/{plan}/{name}")
         wanted = shape(document, f"/v1/plans/{{plan}}/{name}", "post", 200, "application/json")
-        jsonschema.validate(found.json(), wanted)
+        jsonschema.validate(response.json(), wanted)

@@ -34,8 +34,8 @@ def test_commands_print_what_the_page_shows(tmp_path: Path) -> None:
         )
         page = tmp_path / "page.md"
         page.write_text(f"# Page\n\n{text}\n", encoding="utf-8")
-        found = check(page)
-    assert found.returncode == 0, found.stdout + found.stderr
+        report = check(page)
+    assert report.returncode == 0, report.stdout + report.stderr
 
 
 def test_every_endpoint_is_on_the_page() -> None:
@@ -46,7 +46,7 @@ def test_every_endpoint_is_on_the_page() -> None:
 
 def test_the_limits_are_those_of_the_service() -> None:
     settings = Settings()
-    for told, real in (
+    for documented, real in (
         ("| 10 s | `--time-limit`", settings.request_s == 10),
         ("| 2 | `--workers`", settings.workers == 2),
         ("| 1024 MB | `--memory`", settings.memory_mb == 1024),
@@ -67,5 +67,5 @@ def test_the_limits_are_those_of_the_service() -> None:
         ("| 1000 | `--queue`", settings.most_waiting == 1000),
         ("| 100,000 |", settings.most_plans == 100_000),
     ):  # fmt: skip
-        assert told in PAGE
-        assert real, told
+        assert documented in PAGE
+        assert real, documented

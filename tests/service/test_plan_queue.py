@@ -16,7 +16,7 @@ from gpsfsm.service.endpoints import plans
 from gpsfsm.service.plan_queue import PlanQueueClient
 from gpsfsm.service.settings import Settings
 from gpsfsm.service.shapes import Problem
-from gpsfsm.workers.frames import Gone
+from gpsfsm.workers.frames import GoneError
 from tests.service.support import GOOD, Service
 
 
@@ -25,20 +25,20 @@ class Ending(PlanQueueClient):
 
     def __init__(self) -> None:
         super().__init__(Settings())
-        self.asked: list[str] = []
+        self.operations: list[str] = []
 
     async def _ask(self, head: dict[str, Any], body: bytes) -> dict[str, Any]:
-        self.asked.append(head["op"])
-        raise Gone("has ended")
+        self.operations.append(head["op"])
+        raise GoneError("has ended")
 
 
 @pytest.mark.parametrize(("once", "times"), [(False, 2), (True, 1)])
 def test_what_must_not_be_done_twice_is_not_asked_again(once: bool, times: int) -> None:
     queue = Ending()
-    with pytest.raises(Problem) as told:
+    with pytest.raises(Problem) as message:
         asyncio.run(queue.ask("control", once=once))
-    assert told.value.status == 503
-    assert len(queue.asked) == times
+    assert message.value.status == 503
+    assert len(queue.operations) == times
 
 
 def test_a_step_and_a_failure_must_not_be_done_twice() -> None:
@@ -190,9 +190,9 @@ def test_nobody_waits_for_a_queue_that_cannot_go_on(
         took_s = []
         for _ in range(4):
             began_s = time.monotonic()
-            with pytest.raises(Problem) as told:
+            with pytest.raises(Problem) as message:
                 await queue.ask("list")
-            assert told.value.status == 503
+            assert message.value.status == 503
             took_s.append(time.monotonic() - began_s)
         assert min(took_s) < 0.1  # while it is being started
         assert queue.failure == "there is no room"

@@ -24,9 +24,9 @@ LONG = f"<Plan>{LONG}</Plan>"
 
 
 def set_plan(client: httpx.Client, plan: str = GOOD, **more: str) -> str:
-    found = client.post("/v1/plans", json={"plan": plan, **more})
-    assert found.status_code == 200, found.text
-    answer = found.json()
+    response = client.post("/v1/plans", json={"plan": plan, **more})
+    assert response.status_code == 200, response.text
+    answer = response.json()
     assert answer["plan_id"]
     number: str = answer["plan_id"]
     return number
@@ -34,18 +34,18 @@ def set_plan(client: httpx.Client, plan: str = GOOD, **more: str) -> str:
 
 def test_a_plan_is_set_and_completes(client: httpx.Client) -> None:
     plan = set_plan(client, name="first.xml")
-    found = ended(client, plan)
-    assert (found["status"], found["code"], found["completed"]) == ("COMPLETED", 13, True)
-    assert found["name"] == "first.xml"
+    end = ended(client, plan)
+    assert (end["status"], end["code"], end["completed"]) == ("COMPLETED", 13, True)
+    assert end["name"] == "first.xml"
     status = client.get(f"/v1/plans/{plan}").json()
-    assert {name: found[name] for name in status} == status
+    assert {name: end[name] for name in status} == status
 
 
 def test_a_plan_that_the_gate_refuses_is_not_queued(client: httpx.Client) -> None:
     before = client.get("/v1/plans").json()["total"]
-    found = client.post("/v1/plans", json={"plan": BAD})
-    assert found.status_code == 422
-    answer = found.json()
+    response = client.post("/v1/plans", json={"plan": BAD})
+    assert response.status_code == 422
+    answer = response.json()
     assert (answer["plan_id"], answer["plan_status"], answer["code"]) == ("", "PARSE_FAILED", 3)
     assert "GP107" in answer["rejected_list"][0]
     assert client.get("/v1/plans").json()["total"] == before
@@ -59,9 +59,9 @@ def test_there_is_no_such_plan(client: httpx.Client, plan: str) -> None:
         ("POST", "/cancel"),
         ("POST", "/completion"),
     ):
-        found = client.request(method, f"/v1/plans/{plan}{path}")
-        assert found.status_code == 404
-        assert (found.json()["plan_status"], found.json()["code"]) == ("UNKNOWN", 0)
+        response = client.request(method, f"/v1/plans/{plan}{path}")
+        assert response.status_code == 404
+        assert (response.json()["plan_status"], response.json()["code"]) == ("UNKNOWN", 0)
 
 
 def test_the_same_request_is_queued_once(client: httpx.Client) -> None:
@@ -77,22 +77,22 @@ def test_the_same_request_is_queued_once(client: httpx.Client) -> None:
 def test_plans_are_listed_in_order(client: httpx.Client) -> None:
     plans = [set_plan(client) for _ in range(3)]
     after = int(plans[0]) - 1
-    found = client.get("/v1/plans", params={"after": after}).json()
-    assert [each["plan_id"] for each in found["plans"]][:3] == plans
+    document = client.get("/v1/plans", params={"after": after}).json()
+    assert [each["plan_id"] for each in document["plans"]][:3] == plans
     assert client.get("/v1/plans", params={"after": "x"}).status_code == 422
 
 
 def test_events_are_those_of_the_journal(client: httpx.Client, service: Service) -> None:
     plan = set_plan(client)
-    found = events(client, plan)
+    records = events(client, plan)
     run = ended(client, plan)["run"]
     with JournalReader(service.journal) as reader:
         wanted = [json.loads(line(row, wall_clock=True)) for row in reader.events(run)]
-    assert [data for kind, _, data in found if kind == "record"] == wanted
-    numbers = [int(number) for kind, number, _ in found if kind == "record"]
+    assert [data for kind, _, data in records if kind == "record"] == wanted
+    numbers = [int(number) for kind, number, _ in records if kind == "record"]
     assert numbers == list(range(1, len(wanted) + 1))
-    assert found[-1][0] == "end"
-    assert found[-1][2]["status"] == "COMPLETED"
+    assert records[-1][0] == "end"
+    assert records[-1][2]["status"] == "COMPLETED"
 
 
 def test_events_go_on_where_a_client_has_left(client: httpx.Client) -> None:
@@ -118,11 +118,11 @@ def test_a_plan_that_runs_is_cancelled_and_another_one_waits(tmp_path: Path) -> 
         soon = client.post(f"/v1/plans/{waiting}/completion", json={"wait_s": 0.2}).json()
         assert (soon["ended"], soon["completed"]) == (False, False)
         for plan in (waiting, running):
-            found = client.post(f"/v1/plans/{plan}/cancel", json={"reason": "enough"}).json()
-            assert found["success"] is True
-            found = ended(client, plan)
-            assert (found["status"], found["code"]) == ("CANCELLED", 14)
-            assert (found["reason"], found["completed"]) == ("enough", False)
+            end = client.post(f"/v1/plans/{plan}/cancel", json={"reason": "enough"}).json()
+            assert end["success"] is True
+            end = ended(client, plan)
+            assert (end["status"], end["code"]) == ("CANCELLED", 14)
+            assert (end["reason"], end["completed"]) == ("enough", False)
             assert client.post(f"/v1/plans/{plan}/cancel").json()["success"] is False
         assert [kind for kind, _, _ in events(client, waiting)] == ["end"]
         assert events(client, running)[-2][2]["data"] == {"status": "CANCELLED"}
@@ -151,9 +151,9 @@ def test_a_run_that_takes_too_long_is_cancelled(tmp_path: Path) -> None:
     words += ("--speed", "20", "--run-limit", "0.5")
     lay_traps(tmp_path)  # its processes take no module from the current folder
     with Service(*words, folder=tmp_path) as service, service.client() as client:
-        found = ended(client, set_plan(client, LONG))
-        assert found["status"] == "CANCELLED"
-        assert found["reason"] == "it took more than 0.5 s"
+        end = ended(client, set_plan(client, LONG))
+        assert end["status"] == "CANCELLED"
+        assert end["reason"] == "it took more than 0.5 s"
 
 
 def test_without_a_journal_there_is_no_queue() -> None:
@@ -170,10 +170,10 @@ def test_without_a_journal_there_is_no_queue() -> None:
                 await client.post("/v1/generate", json={"task": "go"}),
             ]
 
-    *asked, health, none = asyncio.run(ask())
-    for found in asked:
-        assert found.status_code == 501
-        assert "--journal" in found.json()["detail"]
+    *answers, health, none = asyncio.run(ask())
+    for each in answers:
+        assert each.status_code == 501
+        assert "--journal" in each.json()["detail"]
     assert health.json()["queue"] == "off"
     assert none.status_code == 501
 
@@ -184,9 +184,9 @@ def test_every_status_has_a_word() -> None:
     assert {each.value for each in Status if each.ended} == ENDED
     codes = {"QUEUED": 1, "RUNNING": 12, "STOPPING": 12, "COMPLETED": 13, "CANCELLED": 14}
     for status in Status:
-        found = status_of(status.value)
-        assert found[0].isupper()
+        actual = status_of(status.value)
+        assert actual[0].isupper()
         if status is not Status.REFUSED:
-            assert found[1] == codes.get(status.value)
+            assert actual[1] == codes.get(status.value)
     assert status_of("REFUSED", ["GP107 at line 1: x"]) == ("PARSE_FAILED", 3)
     assert status_of("REFUSED", ["GP301 at line 1: x"]) == ("VALIDATION_FAILED", 5)

@@ -21,8 +21,8 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     folder = tmp_path_factory.mktemp("plant")
     (folder / "tokens").write_text(TOKEN)
     words = options_on_page(token_file=folder / "tokens", journal=folder / "queue.db")
-    with Service(*words, "--failure", "0", "--workers", "1") as found:
-        yield found
+    with Service(*words, "--failure", "0", "--workers", "1") as server:
+        yield server
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +39,8 @@ def client(plant: tuple[str, ssl.SSLContext]) -> Iterator[httpx.Client]:
     address, context = plant
     shown = {"authorization": f"Bearer {TOKEN}"}
     base = f"{address}/gpsfsm"
-    with httpx.Client(base_url=base, headers=shown, verify=context, trust_env=False) as found:
-        yield found
+    with httpx.Client(base_url=base, headers=shown, verify=context, trust_env=False) as connection:
+        yield connection
 
 
 def test_it_is_there_below_the_prefix(client: httpx.Client) -> None:

@@ -60,10 +60,10 @@ def real(kept: RealService) -> Iterator[RealService]:
 def test_a_plan_acts_for_real_and_is_told_as_it_happens(real: RealService) -> None:
     with real.client() as client:
         number = set_plan(client, plan(move(0.5), program("sleep 0.1")))
-        found = ended(client, number)
-        assert (found["status"], found["world"], found["speed"]) == ("COMPLETED", "real", 1.0)
+        end = ended(client, number)
+        assert (end["status"], end["world"], end["speed"]) == ("COMPLETED", "real", 1.0)
         assert real.moves() == ["go /Plan/Runner[1]", "arrive /Plan/Runner[1]"]
-        run = client.get(f"/v1/runs/{found['run']}").json()
+        run = client.get(f"/v1/runs/{end['run']}").json()
         assert run["mode"] == "real"
         data = [each["data"] for each in run["records"] if each["kind"] == "LOG"]
         assert {"feedback": "drive", "distance_left_m": 0.5} in data
@@ -166,12 +166,12 @@ def test_after_a_crash_all_is_cancelled_and_the_queue_is_held(real: RealService)
         until(lambda: real.did("go"))
         os.kill(real.process_of_queue(), signal.SIGKILL)
         until(lambda: real.did("left"))
-        found = ended(client, first)
-        assert (found["status"], found["reason"]) == ("CANCELLED", _RESTARTED)
+        end = ended(client, first)
+        assert (end["status"], end["reason"]) == ("CANCELLED", _RESTARTED)
         assert held(client) == _RESTARTED
         with JournalReader(real.journal) as reader:
-            how = reader.run(found["run"]).status.value
-            rows = [(row.kind, row.message) for row in reader.events(found["run"])]
+            how = reader.run(end["run"]).status.value
+            rows = [(row.kind, row.message) for row in reader.events(end["run"])]
         assert how == "CANCELLED"
         assert ("CANCEL", _RESTARTED) in rows
         assert ("LOG", "its goal is cancelled") in rows
@@ -206,7 +206,7 @@ def programs(marker: str) -> list[int]:
     """The processes with a marker on their command line."""
     from pathlib import Path
 
-    found = []
+    results = []
     for place in Path("/proc").iterdir():
         if place.name.isdigit():
             try:
@@ -214,8 +214,8 @@ def programs(marker: str) -> list[int]:
             except OSError:
                 continue
             if words[:1] == [b"sleep"] and marker.encode() in words:
-                found.append(int(place.name))
-    return found
+                results.append(int(place.name))
+    return results
 
 
 def test_the_queue_stays_held_over_further_restarts(tmp_path: Path) -> None:
@@ -321,9 +321,9 @@ def test_stop_cancels_what_runs_and_holds_the_queue(real: RealService) -> None:
         until(lambda: service.did("go"))
         answer = client.post("/v1/stop")
         assert answer.status_code == 200, answer.text
-        found = answer.json()
-        assert (found["plan_id"], found["goals"], found["problems"]) == (number, 2, [])
-        assert found["held"] == "stopped by token 0"
+        document = answer.json()
+        assert (document["plan_id"], document["goals"], document["problems"]) == (number, 2, [])
+        assert document["held"] == "stopped by token 0"
         assert service.stops.read_text() == "stop\n"
         assert ended(client, number)["reason"] == "stopped by token 0"
         assert service.did("stop") == ["/Plan/Runner[1]"]
@@ -339,8 +339,8 @@ def test_stop_needs_a_token_and_nothing_to_stop(real: RealService) -> None:
         assert stranger.post("/v1/queue/release").status_code == 401
     assert not real.stops.exists()
     with real.client() as client:
-        found = client.post("/v1/stop").json()
-        assert (found["plan_id"], found["held"]) == (None, "stopped by token 0")
+        document = client.post("/v1/stop").json()
+        assert (document["plan_id"], document["held"]) == (None, "stopped by token 0")
         waiting = set_plan(client, SHORT)
         assert status(client, waiting) == "QUEUED"
 
@@ -358,8 +358,8 @@ def test_stop_reaches_a_robot_whose_queue_hangs(real: RealService) -> None:
         assert answer.json()["goals"] == 2
         assert service.stops.read_text().startswith("stop\n")
         assert hung not in service.children()
-        found = ended(client, number)
-        assert (found["status"], found["reason"]) == ("CANCELLED", "stopped by token 0")
+        end = ended(client, number)
+        assert (end["status"], end["reason"]) == ("CANCELLED", "stopped by token 0")
         assert held(client) == "stopped by token 0"
         assert service.did("left") == ["/Plan/Runner[1]"]
 
@@ -483,10 +483,10 @@ def test_a_lost_bond_cancels_what_runs_and_holds_the_queue(real: RealService) ->
         until(lambda: real.did("go"))
         answer = client.post("/v1/bond", json={"lease_s": 1.5})
         assert answer.json()["bonds"] == 1
-        found = ended(client, number)
-        assert found["reason"] == "the bond is lost: no beat for 1.5 s from token 0"
-        assert held(client) == found["reason"]
-        assert client.post("/v1/bond", json={"lease_s": 60}).json()["held"] == found["reason"]
+        end = ended(client, number)
+        assert end["reason"] == "the bond is lost: no beat for 1.5 s from token 0"
+        assert held(client) == end["reason"]
+        assert client.post("/v1/bond", json={"lease_s": 60}).json()["held"] == end["reason"]
         client.post("/v1/queue/release")
         assert ended(client, set_plan(client, SHORT))["completed"]
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-ASKED: dict[str, Callable[..., Any]] = {
+REQUESTS: dict[str, Callable[..., Any]] = {
     "runs": partial(run_history.latest, before=99, most=9),
     "run": partial(run_history.details, number=1),
     "events": partial(run_history.records, run=1, after=0, most=10**6),
@@ -40,7 +40,7 @@ def path(tmp_path: Path) -> str:
 
 
 def test_a_whole_journal_answers(path: str) -> None:
-    for work in ASKED.values():
+    for work in REQUESTS.values():
         asyncio.run(run_history.in_journal(path, work))
     assert asyncio.run(run_history.in_journal(path, run_history.last_decision)) == 3
 
@@ -63,5 +63,5 @@ def test_a_damaged_journal_is_a_problem(path: str, statement: str, names: tuple[
         connection.execute(statement)
     for name in names:
         with pytest.raises(Problem, match=r"the journal cannot be read: .*j\.db: ") as raised:
-            asyncio.run(run_history.in_journal(path, ASKED[name]))
+            asyncio.run(run_history.in_journal(path, REQUESTS[name]))
         assert raised.value.status == 503

@@ -357,12 +357,12 @@ def test_large_requests_leave_a_worker_to_small_ones() -> None:
         slow = [asyncio.create_task(pool.do("check", SLOW, client=str(n))) for n in range(6)]
         while not pool.running(Kind.LARGE):
             await asyncio.sleep(0.01)
-        found = (await pool.do("check", body(GOOD), client="b")).status
+        status = (await pool.do("check", body(GOOD), client="b")).status
         assert pool.running(Kind.LARGE) == 1
         for each in slow:
             each.cancel()
         await asyncio.gather(*slow, return_exceptions=True)
-        return found
+        return status
 
     assert pooled(work, workers=2, gate_workers=1, request_s=600) == 200
 
@@ -518,8 +518,8 @@ def test_no_outcome_is_forgotten_when_nobody_waits_any_more() -> None:
             await asyncio.sleep(pause_s)
             for each in tasks:
                 each.cancel()
-            for found in await asyncio.gather(*tasks, return_exceptions=True):
-                assert isinstance(found, Answered | asyncio.CancelledError), found
+            for one in await asyncio.gather(*tasks, return_exceptions=True):
+                assert isinstance(one, Answered | asyncio.CancelledError), one
             assert (pool.busy, pool.waiting(Kind.GATE), pool.running(Kind.GATE)) == (0, 0, 0)
         assert (await pool.do("gate", body(GOOD), client="z")).status == 200
 

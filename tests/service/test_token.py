@@ -31,7 +31,7 @@ BEGUN = ("/nowhere/q.db: the journal cannot be opened", "cannot serve at 192.0.2
 """Told when the service has begun, so by a process of its own."""
 
 
-def asked(settings: Settings, path: str = "/v1/rules", **headers: str) -> httpx.Response:
+def response_to(settings: Settings, path: str = "/v1/rules", **headers: str) -> httpx.Response:
     """An answer of the application itself, without processes: only the guard is of interest."""
     transport = httpx.ASGITransport(app(settings))
 
@@ -103,27 +103,29 @@ def test_settings_that_make_no_sense(wrong: dict[str, Any]) -> None:
 )
 def test_a_token_has_to_be_shown(shown: str | None) -> None:
     headers = {} if shown is None else {"authorization": shown}
-    found = asked(Settings(tokens=(Secret(TOKEN),)), **headers)
-    assert found.status_code == 401
-    assert found.headers["www-authenticate"].startswith("Bearer")
-    assert found.headers["content-type"] == "application/problem+json"
-    assert TOKEN not in found.text
+    actual = response_to(Settings(tokens=(Secret(TOKEN),)), **headers)
+    assert actual.status_code == 401
+    assert actual.headers["www-authenticate"].startswith("Bearer")
+    assert actual.headers["content-type"] == "application/problem+json"
+    assert TOKEN not in actual.text
 
 
 def test_who_shows_the_token_may_ask_under_any_name() -> None:
     settings = Settings(tokens=(Secret(TOKEN),))
     for kind in ("Bearer", "bearer"):
         headers = {"authorization": f"{kind} {TOKEN}", "host": "robots.example"}
-        assert asked(settings, **headers).status_code == 200
-    assert asked(settings, "/metrics").status_code == 401
-    assert asked(settings, "/health").status_code == 503  # no token: but no worker either
+        assert response_to(settings, **headers).status_code == 200
+    assert response_to(settings, "/metrics").status_code == 401
+    assert response_to(settings, "/health").status_code == 503  # no token: but no worker either
 
 
 def test_names_of_the_service_can_be_added() -> None:
-    assert asked(Settings(), host="proxy.example").status_code == 421
-    assert asked(Settings(hosts=("Proxy.example",)), host="proxy.example:80").status_code == 200
-    assert asked(Settings(), host="[::1]:80").status_code == 200
-    assert asked(Settings(), origin="http://localhost:3000").status_code == 200
+    assert response_to(Settings(), host="proxy.example").status_code == 421
+    assert (
+        response_to(Settings(hosts=("Proxy.example",)), host="proxy.example:80").status_code == 200
+    )
+    assert response_to(Settings(), host="[::1]:80").status_code == 200
+    assert response_to(Settings(), origin="http://localhost:3000").status_code == 200
 
 
 @pytest.mark.parametrize(
@@ -217,7 +219,7 @@ def test_two_tokens_are_let_in_and_no_third_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("", "there is no token"),
         ("\n \n", "there is no token"),
@@ -227,13 +229,13 @@ def test_two_tokens_are_let_in_and_no_third_one() -> None:
     ],
 )
 def test_files_of_tokens_that_make_no_sense(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, told: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, message: str
 ) -> None:
     file = tmp_path / "tokens"
     file.write_text(text)
     assert main(["serve", "--isolated", "--port", "0", "--token-file", str(file)]) == 2
     said = capsys.readouterr().err
-    assert told in said
+    assert message in said
     assert TOKEN not in said
 
 
@@ -256,18 +258,18 @@ def test_names_that_are_none(name: str) -> None:
 def test_a_refusal_names_the_option_that_helps(
     headers: dict[str, str], status: int, detail: str
 ) -> None:
-    answer = asked(Settings(), **headers)
+    answer = response_to(Settings(), **headers)
     assert (answer.status_code, detail in answer.json()["detail"]) == (status, True), answer.text
 
 
 @pytest.mark.parametrize("name", ["robot.example", "[2001:db8::7]"])
 def test_the_option_that_is_named_helps(name: str) -> None:
-    assert asked(Settings(hosts=(name,)), "/livez", host=name).status_code == 200
+    assert response_to(Settings(hosts=(name,)), "/livez", host=name).status_code == 200
 
 
 def test_a_refused_token_is_told_from_a_missing_one() -> None:
     settings = Settings(tokens=(Secret(TOKEN),))
-    missing, other = asked(settings), asked(settings, authorization="Bearer x")
+    missing, other = response_to(settings), response_to(settings, authorization="Bearer x")
     assert (missing.status_code, other.status_code) == (401, 401)
     for each in (missing, other):
         assert "--token-file" in each.json()["detail"]
@@ -306,7 +308,7 @@ def test_without_the_extra_it_says_how_to_get_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("--host", "0.0.0.0"), "a token is needed"),  # noqa: S104
         (("--world", "w.yaml"), "--world needs --journal"),
@@ -322,13 +324,13 @@ def test_what_keeps_it_from_beginning(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     words: tuple[str, ...],
-    told: str,
+    message: str,
 ) -> None:
     (tmp_path / "TOKEN").write_text(TOKEN)
-    if told not in BEGUN:
+    if message not in BEGUN:
         monkeypatch.chdir(tmp_path)
         assert main(["serve", "--isolated", "--port", "0", *words]) == 2
-        assert told in capsys.readouterr().err
+        assert message in capsys.readouterr().err
         return
     done = subprocess.run(
         [sys.executable, "-m", "gpsfsm", "serve", "--isolated", "--port", "0", *words],
@@ -339,7 +341,7 @@ def test_what_keeps_it_from_beginning(
         check=False,
     )
     assert done.returncode == 2
-    assert told in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
 
 

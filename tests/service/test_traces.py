@@ -108,9 +108,9 @@ def attributes(pairs: Any) -> dict[str, Any]:
 
 @pytest.fixture
 def collector() -> Iterator[Collector]:
-    found = Collector()
-    yield found
-    found.close()
+    result = Collector()
+    yield result
+    result.close()
 
 
 class Traced(Service):

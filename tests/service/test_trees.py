@@ -83,8 +83,8 @@ def test_a_tree_runs_and_its_events_name_its_nodes(client: httpx.Client, tree: s
             element = elements[nodes[each["node"]]["element"]]
             assert element["path"] == each["element"]
             assert element["path"].startswith("/root/BehaviorTree")
-    told = [data["seq"] for kind, _, data in events(client, plan) if kind == "record"]
-    assert told == [each["seq"] for each in run["records"]]
+    seqs = [data["seq"] for kind, _, data in events(client, plan) if kind == "record"]
+    assert seqs == [each["seq"] for each in run["records"]]
 
 
 def test_the_leaves_of_a_tree_move_the_robot_of_the_world(client: httpx.Client) -> None:

@@ -24,13 +24,15 @@ HOSTILE = '<Plan><Runner interface="&lt;/script&gt;" provider="a/Go"/></Plan>'
 
 @pytest.mark.parametrize("plan", [GOOD, BAD, HOSTILE, "<Plan><Control", "no plan", ""])
 def test_a_view_is_the_document_of_the_command(client: httpx.Client, plan: str) -> None:
-    found = client.post("/v1/view", json={"plan": plan, "name": "a.xml"})
-    assert found.status_code == 200, found.text
+    response = client.post("/v1/view", json={"plan": plan, "name": "a.xml"})
+    assert response.status_code == 200, response.text
     options, text = check_options(), plan.encode()
     wanted = document([Viewed(text, check_text(text, "a.xml", options))], options)
-    assert found.json() == json.loads(json.dumps(wanted))
+    assert response.json() == json.loads(json.dumps(wanted))
     described = client.get("/openapi.json").json()
-    jsonschema.validate(found.json(), shape(described, "/v1/view", "post", 200, "application/json"))
+    jsonschema.validate(
+        response.json(), shape(described, "/v1/view", "post", 200, "application/json")
+    )
 
 
 def test_options_and_a_task_reach_the_view(client: httpx.Client) -> None:
@@ -48,9 +50,9 @@ def test_a_task_that_names_files_is_refused(client: httpx.Client) -> None:
 def test_another_plan_is_compared_with_it(client: httpx.Client) -> None:
     other = GOOD.replace("a/Go", "a/Come")
     body = {"plan": GOOD, "name": "before", "other": other, "other_name": "now"}
-    found = client.post("/v1/view", json=body).json()
-    assert [plan["name"] for plan in found["plans"]] == ["before", "now"]
-    assert found["diff"]["verdict"] == "different"
-    assert found["diff"]["words"]
+    actual = client.post("/v1/view", json=body).json()
+    assert [plan["name"] for plan in actual["plans"]] == ["before", "now"]
+    assert actual["diff"]["verdict"] == "different"
+    assert actual["diff"]["words"]
     same = client.post("/v1/view", json={"plan": GOOD, "other": GOOD}).json()
     assert same["diff"]["verdict"] == "equal"

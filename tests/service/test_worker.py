@@ -45,8 +45,8 @@ def test_whatever_happens_is_answered(
 
     broken = replace(endpoint("gate"), work=work)
     context = WorkerContext(builtin_capabilities(), plan_limits())
-    found, body = do(broken, raw=False, body=b'{"plan": ""}', context=context)
-    assert found == status
+    judgement, body = do(broken, raw=False, body=b'{"plan": ""}', context=context)
+    assert judgement == status
     assert json.loads(body)["status"] == status
     written = capsys.readouterr().err
     assert ("test_worker.py" in written) is (status == 500), "a defect is logged with its place"
@@ -80,25 +80,25 @@ def test_a_plan_that_takes_too_much_memory(megabytes: int) -> None:
         plan = f'<Plan><!--{"x" * megabytes * 1_000_000}--><Runner interface="a/B"/></Plan>'
         body = json.dumps({"plan": plan}).encode()
         try:
-            status, told = 0, ""
+            status, messages = 0, ""
             try:
                 answered = await pool.do("gate", body)
-                status, told = answered.status, answered.body.decode()
+                status, messages = answered.status, answered.body.decode()
             except Problem as problem:
-                status, told = problem.status, problem.body().decode()
+                status, messages = problem.status, problem.body().decode()
             again = await pool.do("gate", b'{"plan": "<Plan/>"}')
         finally:
             await pool.close()
-        return status, told, again.status
+        return status, messages, again.status
 
-    status, told, again = asyncio.run(work())
-    found = json.loads(told)
+    status, message, again = asyncio.run(work())
+    document = json.loads(message)
     if status == 200:
-        assert (found["verdict"], found["reason"]) == ("undecided", "inconclusive")
-        assert "memory ran out" in found["message"]
+        assert (document["verdict"], document["reason"]) == ("undecided", "inconclusive")
+        assert "memory ran out" in document["message"]
     else:
         assert status == 503
-        assert "memory" in found["detail"]
+        assert "memory" in document["detail"]
     assert again == 200
 
 
@@ -139,15 +139,15 @@ def test_requests_wait_in_line_and_no_more_than_allowed(
         await pool.start()
         body = b'{"plan": "<Plan/>"}'
         try:
-            found = await asyncio.gather(
+            answers = await asyncio.gather(
                 *(pool.do("gate", body) for _ in range(10)), return_exceptions=True
             )
             again = (await pool.do("gate", body)).status
         finally:
             await pool.close()
-        refused = [each for each in found if isinstance(each, Problem)]
+        refused = [each for each in answers if isinstance(each, Problem)]
         assert all(each.headers["retry-after"] == "1" for each in refused)
-        return [each.status for each in found if not isinstance(each, BaseException)], again
+        return [each.status for each in answers if not isinstance(each, BaseException)], again
 
     served, again = asyncio.run(work())
     assert served == [200] * 4  # one is worked on, three wait

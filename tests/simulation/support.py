@@ -113,15 +113,15 @@ def run(
     parsed = plan_of(text) if isinstance(text, str) else text
     compiled = compile_plan(parsed, bindings=bind(parsed, LIBRARY))
     kernel, rows = Kernel(compiled), _Rows()
-    found = world_services(world, LIBRARY, **services)
+    result = world_services(world, LIBRARY, **services)
     if state is not None:
-        found["world"] = state
+        result["world"] = state
     driver = VirtualDriver(
-        kernel, rows, make or world_maker(world, LIBRARY), seed=seed, services=found
+        kernel, rows, make or world_maker(world, LIBRARY), seed=seed, services=result
     )
     prepare(driver)
     driver.run()
-    ran = Ran(kernel.status, found["world"], driver, rows)
+    ran = Ran(kernel.status, result["world"], driver, rows)
     for at_us, happened, _ in rows:
         if happened.kind in (Kind.SUCCEEDED, Kind.FAILED):
             ran.outputs[happened.number] = happened.outputs

@@ -56,12 +56,12 @@ def services(**changes):
 
 @pytest.mark.parametrize("provider", LIBRARY.providers, ids=lambda provider: provider.name)
 def test_simulated_runners_keep_to_the_contract(provider):
-    told = {"answers": ()} if provider.effects.checks else {}
+    additional = {"answers": ()} if provider.effects.checks else {}
     observed = check_runner(
         simulated_class(provider),
         PARAMETERS.get(provider.name, {}),
         provider=provider,
-        services=lambda: services(**told),
+        services=lambda: services(**additional),
         expect="succeeds",
         real=False,
     )

@@ -181,9 +181,9 @@ def test_some_of_those_that_may_hang_do():
 
 def test_optional_outputs_are_there_at_times():
     library = library_of(outputs=(Output("n", ValueType.INTS, optional=True),))
-    found = [drawn_from(library, seed=seed, failure=0.0).outputs[0] for seed in range(40)]
-    assert {} in found
-    assert any(isinstance(outputs.get("n"), list) for outputs in found)
+    actual = [drawn_from(library, seed=seed, failure=0.0).outputs[0] for seed in range(40)]
+    assert {} in actual
+    assert any(isinstance(outputs.get("n"), list) for outputs in actual)
 
 
 def test_failure_outputs_belong_to_failures():
@@ -255,9 +255,9 @@ def test_every_scenario_ends_as_the_evaluator_says(whole, data):
 
 def test_every_built_in_runner_has_a_simulated_form():
     for provider in LIBRARY.providers:
-        found = simulated_class(provider)
-        assert found is not None, provider.name
-        assert found.__name__ == provider.name.rpartition("/")[2]
+        chosen = simulated_class(provider)
+        assert chosen is not None, provider.name
+        assert chosen.__name__ == provider.name.rpartition("/")[2]
 
 
 @pytest.mark.parametrize(

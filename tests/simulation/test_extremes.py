@@ -19,25 +19,27 @@ if TYPE_CHECKING:
     from gpsfsm.model.capability import Parameter, Provider
     from gpsfsm.model.report import PlanReport
 
-PROVIDERS = [found for found in LIBRARY.providers if simulated_class(found) is not None]
+PROVIDERS = [provider for provider in LIBRARY.providers if simulated_class(provider) is not None]
 _GREAT = 2**63 - 1
 
 
-def extremes(known: Parameter) -> list[str]:
+def extremes(parameter: Parameter) -> list[str]:
     """The values of a parameter that lie at the edge of what the file permits."""
-    if known.choices:
-        return [known.choices[0], known.choices[-1]]
-    if known.type is ValueType.BOOL:
+    if parameter.choices:
+        return [parameter.choices[0], parameter.choices[-1]]
+    if parameter.type is ValueType.BOOL:
         return ["true", "false"]
-    if known.type not in (ValueType.INT, ValueType.DOUBLE):
+    if parameter.type not in (ValueType.INT, ValueType.DOUBLE):
         return ["x", "0", "true", "-1", "x" * 5_000]
-    least = -_GREAT if known.minimum is None else known.minimum
-    greatest = _GREAT if known.maximum is None else known.maximum
-    found = [least, greatest, *(value for value in (0, 1) if least <= value <= greatest)]
-    if known.type is ValueType.INT:
-        return [str(int(value)) for value in found]
-    inside = [] if known.minimum is not None or known.maximum is not None else ["inf", "1e300"]
-    return [repr(float(value)) for value in found] + inside
+    least = -_GREAT if parameter.minimum is None else parameter.minimum
+    greatest = _GREAT if parameter.maximum is None else parameter.maximum
+    results = [least, greatest, *(value for value in (0, 1) if least <= value <= greatest)]
+    if parameter.type is ValueType.INT:
+        return [str(int(value)) for value in results]
+    inside = (
+        [] if parameter.minimum is not None or parameter.maximum is not None else ["inf", "1e300"]
+    )
+    return [repr(float(value)) for value in results] + inside
 
 
 def checked_as(text: str) -> PlanReport:
@@ -46,18 +48,18 @@ def checked_as(text: str) -> PlanReport:
 
 def plans_with(provider: Provider) -> Iterator[str]:
     """Plans of the runner alone: each parameter at each extreme, the others at their first."""
-    parameters = [found for found in provider.configuration if found.name != "plan"]
-    first = {found.name: extremes(found)[0] for found in parameters}
-    needed = {found.name for found in parameters if found.required and found.default is None}
-    needed |= {found.name for found in provider.inputs if found.required}
+    parameters = [each for each in provider.configuration if each.name != "plan"]
+    first = {each.name: extremes(each)[0] for each in parameters}
+    needed = {each.name for each in parameters if each.required and each.default is None}
+    needed |= {each.name for each in provider.inputs if each.required}
     for written in (first, {name: first.get(name, "x") for name in needed}):
         yield _plan(provider, written)
-    for known in parameters:
-        for value in extremes(known):
+    for parameter in parameters:
+        for value in extremes(parameter):
             yield _plan(
-                provider, {**{name: first.get(name, "x") for name in needed}, known.name: value}
+                provider, {**{name: first.get(name, "x") for name in needed}, parameter.name: value}
             )
-            yield _plan(provider, {**first, known.name: value})
+            yield _plan(provider, {**first, parameter.name: value})
 
 
 def _plan(provider: Provider, written: dict[str, str]) -> str:
@@ -68,7 +70,7 @@ def _plan(provider: Provider, written: dict[str, str]) -> str:
     )
 
 
-@pytest.mark.parametrize("provider", PROVIDERS, ids=lambda found: found.name.rpartition("/")[2])
+@pytest.mark.parametrize("provider", PROVIDERS, ids=lambda actual: actual.name.rpartition("/")[2])
 def test_a_run_is_as_it_was_checked(provider: Provider) -> None:
     checked = 0
     for text in dict.fromkeys(plans_with(provider)):
@@ -78,16 +80,22 @@ def test_a_run_is_as_it_was_checked(provider: Provider) -> None:
         facts = report.facts
         assert facts is not None
         checked += 1
-        found = run(text, field_of())
+        completed = run(text, field_of())
         ends = {
             "COMPLETED": facts.completes,
             "GAVE_UP": facts.gives_up,
             "STUCK": facts.stuck,
         }
-        assert ends[found.status.value] is not Frequency.NEVER, (text, found.status, found.messages)
+        assert ends[completed.status.value] is not Frequency.NEVER, (
+            text,
+            completed.status,
+            completed.messages,
+        )
         if facts.makespan is not None:
-            assert facts.makespan.min - 1e-6 <= found.seconds, text
-            assert facts.makespan.max is None or found.seconds <= facts.makespan.max + 1e-6, text
+            assert facts.makespan.min - 1e-6 <= completed.seconds, text
+            assert facts.makespan.max is None or completed.seconds <= facts.makespan.max + 1e-6, (
+                text
+            )
     assert checked
 
 
@@ -104,5 +112,5 @@ def test_the_longest_wait_is_waited_for() -> None:
     wait = "generic_capabilities/WaitRunner"
     text = f'<Plan><Runner interface="{wait}" provider="{wait}" seconds="1e9"/></Plan>'
     assert not [finding for finding in checked_as(text).findings if finding.rule == "GP206"]
-    found = run(text, field_of())
-    assert (found.status, found.seconds) == ("COMPLETED", 1e9)
+    completed = run(text, field_of())
+    assert (completed.status, completed.seconds) == ("COMPLETED", 1e9)

@@ -144,8 +144,8 @@ def test_it_takes_two_more_plans_if_the_second_goes_to_the_porch_first():
 
 
 def test_without_changes_the_office_is_reached():
-    found = replace(world("closing"), changes=())
-    ran = run((MISSIONS / "closed_door.xml").read_text("utf-8"), found)
+    changed = replace(world("closing"), changes=())
+    ran = run((MISSIONS / "closed_door.xml").read_text("utf-8"), changed)
     assert ran.status is Status.COMPLETED
     assert ran.places == [(2.0, 5.0), OFFICE]
 
@@ -163,5 +163,5 @@ def world(name):
 
 
 def mission(name, **changes):
-    found = replace(world("home"), **changes)
-    return run((MISSIONS / f"{name}.xml").read_text("utf-8"), found)
+    changed = replace(world("home"), **changes)
+    return run((MISSIONS / f"{name}.xml").read_text("utf-8"), changed)

@@ -22,7 +22,7 @@ SMALL = Library(
 )
 
 
-def told(text, library=LIBRARY):
+def complaint(text, library=LIBRARY):
     """What is said about a file, without its name."""
     with pytest.raises(ConfigError) as caught:
         read_world(f"world: w\n{text}".encode(), file="w", library=library)
@@ -74,7 +74,7 @@ def test_names_that_are_known_or_that_nobody_describes(text):
     ],
 )
 def test_names_that_no_run_looks_up(text, message, hint):
-    said = told(text)
+    said = complaint(text)
     assert message in said
     assert hint in said
 
@@ -89,12 +89,12 @@ def test_names_that_no_run_looks_up(text, message, hint):
     ],
 )
 def test_other_names_of_what_is_meant(name, hint):
-    assert hint in told(f"runners: {{{name}: {{fails: 1}}}}", SMALL)
+    assert hint in complaint(f"runners: {{{name}: {{fails: 1}}}}", SMALL)
 
 
 def test_outputs_are_judged_where_they_are_declared():
-    assert "the outputs are width" in told("answers: [{to: Grasp, outputs: {zzz: 1}}]", SMALL)
-    assert "no output 'width' when it fails" in told(
+    assert "the outputs are width" in complaint("answers: [{to: Grasp, outputs: {zzz: 1}}]", SMALL)
+    assert "no output 'width' when it fails" in complaint(
         "answers: [{to: Grasp, fails: no, outputs: {width: 1}}]", SMALL
     )
     read = read_world(b"world: w\nanswers: [{to: Look, outputs: {zzz: 1}}]", library=SMALL)
@@ -103,7 +103,7 @@ def test_outputs_are_judged_where_they_are_declared():
 
 def test_in_a_complete_library_nothing_is_taken_on_trust():
     text = "runners: {my_robot/GraspRunner: {fails: 1}}"
-    assert "no interface is called" in told(text, replace(SMALL, complete=True))
+    assert "no interface is called" in complaint(text, replace(SMALL, complete=True))
 
 
 def test_a_file_is_judged_like_its_content(tmp_path):

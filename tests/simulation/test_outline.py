@@ -29,36 +29,36 @@ sounds: [{text: a bell, from: 2, until: 3}]
 
 
 def test_an_outline_has_all_that_a_map_shows() -> None:
-    found = outline(read_world(WORLD))
-    assert (found["title"], found["area"]) == ("lab", [0.0, 0.0, 8.0, 5.0])
-    assert found["robot"]["yaw"] == pytest.approx(math.pi / 2)
+    shape = outline(read_world(WORLD))
+    assert (shape["title"], shape["area"]) == ("lab", [0.0, 0.0, 8.0, 5.0])
+    assert shape["robot"]["yaw"] == pytest.approx(math.pi / 2)
     door = {"name": "door", "box": [5.0, 0.0, 5.2, 1.0], "low": False}
-    assert found["obstacles"] == [{**door, "from_s": 60.0, "until_s": 90.0}]
-    assert found["zones"] == [{"name": "ramp", "box": [6.0, 0.0, 7.0, 2.0], "closed": False}]
-    assert [(each["zone"], each["at_s"], each["after_arrivals"]) for each in found["changes"]] == [
+    assert shape["obstacles"] == [{**door, "from_s": 60.0, "until_s": 90.0}]
+    assert shape["zones"] == [{"name": "ramp", "box": [6.0, 0.0, 7.0, 2.0], "closed": False}]
+    assert [(each["zone"], each["at_s"], each["after_arrivals"]) for each in shape["changes"]] == [
         (0, None, 2),
         (0, 10.0, None),
     ]
-    assert found["places"] == [{"name": "desk", "x": 2.0, "y": 2.0}]
+    assert shape["places"] == [{"name": "desk", "x": 2.0, "y": 2.0}]
     stay = {"x": 2.0, "y": 3.0, "from_s": 0.0, "until_s": None}
-    assert found["people"] == [{"name": "Ada", "looks": "a person", "stays": [stay]}]
-    assert found["things"][0]["until_s"] == 5.0
+    assert shape["people"] == [{"name": "Ada", "looks": "a person", "stays": [stay]}]
+    assert shape["things"][0]["until_s"] == 5.0
     bell = {"text": "a bell", "from_s": 2.0, "until_s": 3.0, "x": None, "y": None}
-    assert found["sounds"] == [bell]
+    assert shape["sounds"] == [bell]
 
 
 @pytest.mark.parametrize("name", ["arena", "closing", "home"])
 def test_an_outline_is_json_without_infinities(name: str) -> None:
-    found = outline(load_world(REPO / "corpus" / "worlds" / f"{name}.yaml"))
-    assert json.loads(json.dumps(found, allow_nan=False)) == found
+    shape = outline(load_world(REPO / "corpus" / "worlds" / f"{name}.yaml"))
+    assert json.loads(json.dumps(shape, allow_nan=False)) == shape
 
 
-def told(act: Any) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = []
+def reports_of(act: Any) -> list[dict[str, Any]]:
+    results: list[dict[str, Any]] = []
     state = WorldState(read_world(WORLD))
-    state.tell = lambda what, data, words: found.append({"what": what, "words": words, **data})
+    state.tell = lambda what, data, words: results.append({"what": what, "words": words, **data})
     act(state)
-    return found
+    return results
 
 
 def test_a_drive_is_told_with_its_way_and_where_it_was_broken_off() -> None:
@@ -71,13 +71,13 @@ def test_a_drive_is_told_with_its_way_and_where_it_was_broken_off() -> None:
         state.put(Pose(2.0, 2.0, -0.0))
         state.arrive(5.0, 2.0, 2.0)
 
-    found = told(act)
-    assert [each["what"] for each in found] == ["drive", "pose", "drive", "pose", "arrive"]
-    assert (found[0]["way"], found[0]["speed"]) == ([[1.0, 1.0], [3.0, 1.0]], 0.5)
-    assert (found[1]["x"], found[1]["y"], found[1]["yaw"]) == (2.0, 1.0, 0.0)
-    assert found[3]["words"] == "the robot stands at (2.0, 2.0)"
-    assert math.copysign(1, found[3]["yaw"]) == 1  # 0 and -0 are two texts
-    assert found[4]["count"] == 1
+    reports = reports_of(act)
+    assert [each["what"] for each in reports] == ["drive", "pose", "drive", "pose", "arrive"]
+    assert (reports[0]["way"], reports[0]["speed"]) == ([[1.0, 1.0], [3.0, 1.0]], 0.5)
+    assert (reports[1]["x"], reports[1]["y"], reports[1]["yaw"]) == (2.0, 1.0, 0.0)
+    assert reports[3]["words"] == "the robot stands at (2.0, 2.0)"
+    assert math.copysign(1, reports[3]["yaw"]) == 1  # 0 and -0 are two texts
+    assert reports[4]["count"] == 1
 
 
 def test_what_is_said_and_heard_is_told() -> None:
@@ -86,7 +86,7 @@ def test_what_is_said_and_heard_is_told() -> None:
         state.heard(2.0, 10.0)
         state.heard(20.0, 21.0)  # silence is not
 
-    said, reply, hear = told(act)
+    said, reply, hear = reports_of(act)
     assert (said["what"], said["x"], said["seconds"]) == ("say", 1.0, 4 / 2.5)
     assert (reply["what"], reply["who"], reply["after_s"]) == ("reply", "Ada", 1.0)
     assert (hear["what"], hear["text"]) == ("hear", "a bell My name is Ada.")

@@ -55,16 +55,16 @@ def test_a_plan_that_a_model_writes_runs_next_in_the_same_world():
     services = world_services(world, LIBRARY)
     state = services["world"]
 
-    def begin(found: PlanState, what: Compiled) -> VirtualDriver:
-        state.next_plan(found.began_us / 1e6)
-        plans = {"plans": queue.service(found.plan)}
+    def begin(plan_state: PlanState, what: Compiled) -> VirtualDriver:
+        state.next_plan(plan_state.began_us / 1e6)
+        plans = {"plans": queue.service(plan_state.plan)}
         make = world_maker(world, LIBRARY)
         return VirtualDriver(Kernel(what), Sink(), make, services={**services, **plans})
 
     queue = VirtualQueue(compiled, Sink(), begin)
     queue.submit(ASK)
     queue.run_all()
-    assert [found.status for found in queue.states()] == [Status.COMPLETED, Status.COMPLETED]
+    assert [each.status for each in queue.states()] == [Status.COMPLETED, Status.COMPLETED]
     assert [(x, y) for _, x, y in state.arrivals] == [(2.0, 0.0), (0.0, 0.0)]
     first, second = (at for at, _, _ in state.arrivals)
     assert second > queue.state(2).began_us / 1e6 > first

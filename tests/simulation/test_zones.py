@@ -131,7 +131,7 @@ some_changes = st.lists(
 @given(some_changes, st.booleans(), times)
 def test_the_latest_change_counts_and_the_later_line_of_two(changes, closed, now_s):
     zones = (Zone("a", PEN.area, closed=closed), Zone("b", PEN.area))
-    found = Zones(World(map=Map(AREA, zones=zones), changes=tuple(changes)))
+    actual = Zones(World(map=Map(AREA, zones=zones), changes=tuple(changes)))
     expected = []
     for number, zone in enumerate(zones):
         past = [one for one in changes if one.zone == zone.name and one.at_s <= now_s]
@@ -139,8 +139,8 @@ def test_the_latest_change_counts_and_the_later_line_of_two(changes, closed, now
         last = [one.closed for one in past if one.at_s == latest]
         if last[-1] if last else zone.closed:
             expected.append(number)
-    assert found.closed(now_s) == tuple(expected)
+    assert actual.closed(now_s) == tuple(expected)
     later = [one.at_s for one in changes if one.at_s > now_s]
-    assert found.next_change(now_s) == min(later, default=float("inf"))
-    assert len(found.news(now_s)) == sum(one.at_s <= now_s for one in changes)
-    assert found.news(now_s) == []
+    assert actual.next_change(now_s) == min(later, default=float("inf"))
+    assert len(actual.news(now_s)) == sum(one.at_s <= now_s for one in changes)
+    assert actual.news(now_s) == []

@@ -90,10 +90,10 @@ def same_attributes(text: str, root: etree._Element) -> None:
         {a.name: a.text for a in element.attributes if ":" not in a.name}
         for element in (*plan.elements, *filter(None, [plan.dropped_completion]))
     ]
-    known = [e for e in root.iter() if e.tag in ("Plan", "Control", "Runner")]
+    entries = [e for e in root.iter() if e.tag in ("Plan", "Control", "Runner")]
     theirs = [
         {str(k): str(v) for k, v in e.attrib.items() if not str(k).startswith("{")}
-        for e in known
+        for e in entries
         if not any(ancestor.tag == "Runner" for ancestor in e.iterancestors())
     ]
     assert ours == theirs

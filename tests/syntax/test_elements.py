@@ -277,9 +277,9 @@ def test_stray_text(text, message, shown):
 
 
 def test_a_fence_around_the_plan_points_to_from_response():
-    found = problems(f"Here:\n```xml\n<Plan>{GO}</Plan>\n```")
-    assert [p.rule for p in found] == ["GP108", "GP108"]
-    assert all("--from-response" in p.hint for p in found)
+    messages = problems(f"Here:\n```xml\n<Plan>{GO}</Plan>\n```")
+    assert [p.rule for p in messages] == ["GP108", "GP108"]
+    assert all("--from-response" in p.hint for p in messages)
     assert "--from-response" in the_only(f"<Plan>{GO}\n```\n</Plan>").hint
     assert "--from-response" not in the_only(f"<Plan>{GO}\nnow\n</Plan>").hint
 

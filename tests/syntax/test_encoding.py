@@ -29,9 +29,9 @@ _DAMAGED = _PLAN.replace('"2"', "2")
 def test_encoding_mark_and_line_ends_stay(mark: bytes, codec: str, declared: str) -> None:
     head = f'<?xml version="1.0" encoding="{declared}"?>' if declared else ""
     original = mark + (head + _DAMAGED).encode(codec)
-    found = fixed(original)
-    assert found.text == head + _PLAN
-    assert encoded(found.text, original, found.original) == mark + (head + _PLAN).encode(codec)
+    result = fixed(original)
+    assert result.text == head + _PLAN
+    assert encoded(result.text, original, result.original) == mark + (head + _PLAN).encode(codec)
 
 
 def test_what_the_encoding_cannot_say_is_not_written() -> None:
@@ -44,12 +44,12 @@ def test_what_the_encoding_cannot_say_is_not_written() -> None:
 
 def test_a_false_declaration_is_corrected() -> None:
     original = b'<?xml version="1.0" encoding="UTF-16"?>\n' + _PLAN.encode()
-    found = fixed(original)
-    assert found.text == '<?xml version="1.0" encoding="UTF-8"?>\n' + _PLAN
-    assert encoded(found.text, original, found.original) == found.text.encode()
+    result = fixed(original)
+    assert result.text == '<?xml version="1.0" encoding="UTF-8"?>\n' + _PLAN
+    assert encoded(result.text, original, result.original) == result.text.encode()
 
 
 def test_bytes_that_are_no_text_are_left_alone() -> None:
-    found = fixed(b"<Plan>\xff\xfe\xfa</Plan>")
-    assert (found.text, found.applied) == ("", ())
-    assert [finding.rule for finding in found.report.findings] == ["GP116"]
+    result = fixed(b"<Plan>\xff\xfe\xfa</Plan>")
+    assert (result.text, result.applied) == ("", ())
+    assert [finding.rule for finding in result.report.findings] == ["GP116"]

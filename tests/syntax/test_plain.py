@@ -163,11 +163,11 @@ def test_attributes_are_made_when_they_are_asked_for():
     assert copy(runner()).attributes == expected
     assert pickle.loads(pickle.dumps(runner())).attributes == expected  # noqa: S301
     assert replace(runner(), ordinal=7).attributes == expected
-    asked = runner()
-    assert asked.text("x") == "1.5"
-    assert asked.written is None
+    element = runner()
+    assert element.text("x") == "1.5"
+    assert element.written is None
     with pytest.raises(AttributeError, match="no attribute 'colour'"):
-        asked.colour  # noqa: B018
+        element.colour  # noqa: B018
 
 
 @pytest.mark.parametrize(

@@ -90,8 +90,8 @@ def test_all_errors_are_reported_at_once_and_in_order():
         '<Control type="parallel">\n'
         "</Plan>"
     )
-    found = [(p.rule, p.location.line) for p in problems(text)]
-    assert found == [
+    actual = [(p.rule, p.location.line) for p in problems(text)]
+    assert actual == [
         ("GP101", 2),
         ("GP101", 2),
         ("GP110", 3),
@@ -267,9 +267,9 @@ def test_prefixes_must_be_declared():
 
 
 def test_what_only_lxml_knows_is_reported_in_its_words():
-    found = problems(f'<Plan xmlns:a="not a uri">{GO}</Plan>')
-    assert sorted(p.rule for p in found) == ["GP101", "GP112"]
-    assert [p.message for p in found if p.rule == "GP101"] == [
+    messages = problems(f'<Plan xmlns:a="not a uri">{GO}</Plan>')
+    assert sorted(p.rule for p in messages) == ["GP101", "GP112"]
+    assert [p.message for p in messages if p.rule == "GP101"] == [
         "the text is not well-formed XML: xmlns:a: 'not a uri' is not a valid URI"
     ]
 

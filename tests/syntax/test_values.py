@@ -54,9 +54,9 @@ from gpsfsm.syntax.values import typed
     ],
 )
 def test_typed(text, value):
-    found = typed(text)
-    assert type(found) is type(value)
-    assert found == value
+    completed = typed(text)
+    assert type(completed) is type(value)
+    assert completed == value
 
 
 @pytest.mark.parametrize("text", ["nan", "NaN", "-nan", "nan(0x1)"])

@@ -44,9 +44,9 @@ TYPES = ("sequential", "recovery", "parallel_any", "parallel_all")
 def decide(whole: P, task: Task, *, assumptions: Sequence[str] = (), **options: object) -> Decision:
     """By the search alone; test_symbolic.py compares it with z3."""
     plan = plan_of(whole)
-    found = constraints_of(plan, assumptions=assumptions, **options)  # type: ignore[arg-type]
-    compiled = compile_plan(plan, start_chain=found.no_start)
-    return decide_task(compiled, found, task, effort=Effort("structural"))
+    limits = constraints_of(plan, assumptions=assumptions, **options)  # type: ignore[arg-type]
+    compiled = compile_plan(plan, start_chain=limits.no_start)
+    return decide_task(compiled, limits, task, effort=Effort("structural"))
 
 
 def task_of(steps: Sequence[Sequence[str]], **more: object) -> Task:
@@ -126,12 +126,12 @@ def check_steps(
     for departure in decision.departures:
         event(departure.rule)
         paths = [path for path, _ in departure.scenario.outcomes]
-        known = dict(departure.scenario.outcomes)
+        library = dict(departure.scenario.outcomes)
         assert len(set(paths)) == len(paths)
         assert any(
             all(
-                known.get(path, Outcome(told)) == told
-                for path, told in zip(_paths(whole), outcomes, strict=True)
+                library.get(path, Outcome(written)) == written
+                for path, written in zip(_paths(whole), outcomes, strict=True)
             )
             for outcomes, _, _ in refused
         )
@@ -155,14 +155,16 @@ def test_any_plan_against_any_steps(whole: P, steps: list[tuple[str, ...]]) -> N
 
 
 @given(answers())
-def test_plans_that_nearly_fulfil_their_steps(found: tuple[list[tuple[str, ...]], P]) -> None:
-    steps, whole = found
+def test_plans_that_nearly_fulfil_their_steps(expected: tuple[list[tuple[str, ...]], P]) -> None:
+    steps, whole = expected
     check_steps(whole, steps, decision=decide(whole, task_of(steps)))
 
 
 @given(answers(), st.booleans())
-def test_other_actions_may_be_allowed(found: tuple[list[tuple[str, ...]], P], others: bool) -> None:
-    steps, whole = found
+def test_other_actions_may_be_allowed(
+    expected: tuple[list[tuple[str, ...]], P], others: bool
+) -> None:
+    steps, whole = expected
     more = {"others": True} if others else {"allowed": (PATTERNS["D"],)}
     allowed = frozenset() if others else frozenset("D")
     decision = decide(whole, task_of(steps, **more))
@@ -170,17 +172,17 @@ def test_other_actions_may_be_allowed(found: tuple[list[tuple[str, ...]], P], ot
 
 
 @given(answers())
-def test_equal_actions_may_have_equal_outcomes(found: tuple[list[tuple[str, ...]], P]) -> None:
-    steps, whole = found
+def test_equal_actions_may_have_equal_outcomes(expected: tuple[list[tuple[str, ...]], P]) -> None:
+    steps, whole = expected
     decision = decide(whole, task_of(steps), consistent=True)
     check_steps(whole, steps, decision=decision, consistent=True)
 
 
 @given(answers(), st.data())
 def test_assumptions_rule_scenarios_out(
-    found: tuple[list[tuple[str, ...]], P], data: st.DataObject
+    expected: tuple[list[tuple[str, ...]], P], data: st.DataObject
 ) -> None:
-    steps, whole = found
+    steps, whole = expected
     assume(actions_of(whole))
     constraint = data.draw(constraints(whole, max_leaves=3))
     assume(all_traces(whole, constraint=constraint))
@@ -202,9 +204,9 @@ def test_instances_may_hang_or_not_start(
 
 @given(answers(), FAULTS)
 def test_plans_that_nearly_fulfil_their_steps_may_hang_or_not_start(
-    found: tuple[list[tuple[str, ...]], P], faults: tuple[str, ...]
+    expected: tuple[list[tuple[str, ...]], P], faults: tuple[str, ...]
 ) -> None:
-    steps, whole = found
+    steps, whole = expected
     assume(len(actions_of(whole)) <= 5)
     decision = decide(whole, task_of(steps), faults=faults)
     check_steps(whole, steps, decision=decision, faults=frozenset(faults))
@@ -247,10 +249,10 @@ FORMULAS = st.recursive(
     st.sampled_from([*ATOMS, "completes", "gives_up", "stuck", "true", "false"]),
     lambda parts: st.one_of(
         st.tuples(st.sampled_from(["!", "X ", "WX ", "F ", "G "]), parts).map(
-            lambda found: f"{found[0]}({found[1]})"
+            lambda actual: f"{actual[0]}({actual[1]})"
         ),
         st.tuples(parts, st.sampled_from(["&", "|", "->", "<->", "U", "R", "W", "M"]), parts).map(
-            lambda found: f"(({found[0]}) {found[1]} ({found[2]}))"
+            lambda actual: f"(({actual[0]}) {actual[1]} ({actual[2]}))"
         ),
     ),
     max_leaves=5,
@@ -342,10 +344,10 @@ def test_a_demand_that_an_arriving_value_decides_is_undecided(
         else Task(rules=(rule,), patterns=(there,))
     )
     plan = plan_of(oracle.plan(*whole))
-    known = {found.implements: found for found in (GIVER, TAKER)}
+    values = {one.implements: one for one in (GIVER, TAKER)}
     bindings = tuple(
-        Binding(Interface(each.interface), known[each.interface], {})
-        if each.interface in known
+        Binding(Interface(each.interface), values[each.interface], {})
+        if each.interface in values
         else None
         for each in plan.runners
     )

@@ -26,7 +26,7 @@ COMPOSED = {"succession", "alternate_succession", "chain_succession", "chain_pre
 def documented(formula: str) -> str:
     """A formula of the page, with its letters written out."""
     events = {"a": 'start("A")', "b": 'start("B")', "s": "start(*)"}
-    return re.sub(r"\b[abs]\b", lambda found: events[found[0]], formula.replace("\\|", "|"))
+    return re.sub(r"\b[abs]\b", lambda actual: events[actual[0]], formula.replace("\\|", "|"))
 
 
 @pytest.mark.parametrize(("name", "actions", "formula"), ROWS, ids=[row[0] for row in ROWS])

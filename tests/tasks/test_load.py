@@ -17,7 +17,7 @@ from gpsfsm.tasks.task import Pattern, Place, Task
 ROUNDS = Path("docs/examples/rounds.yaml")
 
 
-def told(text: str) -> list[str]:
+def messages(text: str) -> list[str]:
     """The lines that a defective file is answered with, without hints."""
     with pytest.raises(ConfigError) as caught:
         read_task(text.encode(), file="t.yaml")
@@ -35,30 +35,30 @@ def runner(words: str) -> object:
 
 
 def test_a_task_file_is_read() -> None:
-    found = load_task(ROUNDS)
+    loaded = load_task(ROUNDS)
 
     lab = Pattern(
         "lab", ("WaypointRunner",), (), Place("lab", (("x", 6.5), ("y", 3.0))), tolerance=0.05
     )
     speak = Pattern("speak", ("SpeechRunner",), tolerance=0.05)
-    assert [[one.name for one in step.attempts] for step in found.steps] == [
+    assert [[one.name for one in step.attempts] for step in loaded.steps] == [
         ["entrance"],
         ["lab", "store"],
         ["office"],
     ]
-    assert found.steps[1].attempts[0] == lab
-    assert found.allowed == (speak,)
-    assert set(found.patterns) >= {lab, speak}
-    assert [rule.phrase for rule in found.rules] == ["precedence of 'lab' and 'speak'"]
-    assert [example.name for example in found.not_answers] == ["shown.xml"]
-    assert not found.others
+    assert loaded.steps[1].attempts[0] == lab
+    assert loaded.allowed == (speak,)
+    assert set(loaded.patterns) >= {lab, speak}
+    assert [rule.phrase for rule in loaded.rules] == ["precedence of 'lab' and 'speak'"]
+    assert [example.name for example in loaded.not_answers] == ["shown.xml"]
+    assert not loaded.others
 
 
 def test_a_task_goes_to_other_processes() -> None:
-    found = load_task(ROUNDS)
-    again = pickle.loads(pickle.dumps(found))  # noqa: S301  (our own)
-    assert again.steps == found.steps
-    assert again.rules == found.rules
+    loaded = load_task(ROUNDS)
+    again = pickle.loads(pickle.dumps(loaded))  # noqa: S301  (our own)
+    assert again.steps == loaded.steps
+    assert again.rules == loaded.rules
 
 
 @pytest.mark.parametrize(
@@ -82,19 +82,19 @@ def test_a_task_goes_to_other_processes() -> None:
     ],
 )
 def test_what_a_description_matches(words: str, matches: bool) -> None:
-    found = task(
+    demand = task(
         "interface: [Go, drive/*]\ntolerance: 0.05\nplaces: {dock: {x: 1, y: 2}}\n"
         "steps: [{do: dock}]\n"
     )
-    assert found.steps[0].attempts[0].matches(runner(words)) is matches  # type: ignore[arg-type]
+    assert demand.steps[0].attempts[0].matches(runner(words)) is matches  # type: ignore[arg-type]
 
 
 def test_an_action_can_be_described_where_it_is_used() -> None:
-    found = task(
+    demand = task(
         "steps:\n  - do: {interface: Say, text: hello, loud: true, tolerance: 0.5, n: 3}\n"
         "    else: [{place: door}, door]\nplaces: {door: {at: 7}}\n"
     )
-    say, *others = found.steps[0].attempts
+    say, *others = demand.steps[0].attempts
     assert say.name == "Say (text=hello, loud=True, n=3)"
     assert say.tolerance == 0.5
     assert say.matches(runner('interface="a/Say" text="hello" loud="true" n="3.4"'))  # type: ignore[arg-type]
@@ -103,7 +103,7 @@ def test_an_action_can_be_described_where_it_is_used() -> None:
 
 
 def test_all_defects_of_a_file_are_told_at_once() -> None:
-    assert told(
+    assert messages(
         "step: []\n"
         "tolerance: -1\n"
         "places: {A: 3, B: {x: [1]}, C: {x: .inf}}\n"
@@ -131,7 +131,7 @@ def test_all_defects_of_a_file_are_told_at_once() -> None:
 
 def test_what_is_said_about_rules_that_make_no_sense() -> None:
     head = "actions: {A: {interface: a}, B: {interface: b}}\nrules:\n"
-    assert told(
+    assert messages(
         head + "  - precedence: [A]\n"
         "  - responce: [A, B]\n"
         "  - {existence: A, absence: B}\n"
@@ -170,7 +170,7 @@ def test_what_is_said_about_rules_that_make_no_sense() -> None:
     ],
 )
 def test_files_that_hold_no_task(text: str, line: str) -> None:
-    assert line in told(text)
+    assert line in messages(text)
 
 
 def answered(content: bytes) -> str:

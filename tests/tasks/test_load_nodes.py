@@ -19,7 +19,7 @@ def nodes(text: str) -> tuple[NodeForm, ...]:
     return read_task((STEPS % text).encode()).nodes
 
 
-def told(text: str) -> list[str]:
+def messages(text: str) -> list[str]:
     with pytest.raises(ConfigError) as caught:
         read_task((STEPS % text).encode(), file="t")
     lines = str(caught.value).splitlines()
@@ -58,7 +58,7 @@ def test_nodes_and_their_ports() -> None:
     ],
 )  # fmt: skip
 def test_what_is_said_about_nodes_that_make_no_sense(text: str, message: str) -> None:
-    (line,) = told(text)
+    (line,) = messages(text)
     assert line.startswith(message)
 
 

@@ -9,16 +9,16 @@ from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.constraints import constraints_of
-from gpsfsm.analysis.options import DEFAULT_RLIMIT, Inconclusive
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, InconclusiveError
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.errors import InternalError
 from gpsfsm.model.event import Outcome
 from gpsfsm.tasks.deciding import Basis, Effort, decide_task
+from gpsfsm.tasks.following import Settled
 from gpsfsm.tasks.load import formula_text
 from gpsfsm.tasks.monitor import Matching, RuleMonitor
 from gpsfsm.tasks.proof import played, problem_text, suspect
-from gpsfsm.tasks.settled import Settled
 from gpsfsm.tasks.task import Pattern, Task
 from tests.oracle import P, par_all, par_any, plan, rec, seq
 from tests.strategies import constraints
@@ -33,7 +33,7 @@ from tests.tasks.test_deciding import (
     small_plans,
     task_of,
 )
-from tests.tasks.test_symbolic import FREE, OPTIONS, Asked, rule_of, wide
+from tests.tasks.test_symbolic import FREE, OPTIONS, Problem, rule_of, wide
 
 if TYPE_CHECKING:
     from gpsfsm.tasks.deciding import Decision
@@ -41,15 +41,18 @@ if TYPE_CHECKING:
 few = settings(max_examples=max(10, settings.default.max_examples // 2))
 
 
-def refuted(asked: Asked) -> bool:
-    return suspect(asked.compiled, asked.constraints, [asked.demand], rlimit=DEFAULT_RLIMIT) is None
+def refuted(problem: Problem) -> bool:
+    return (
+        suspect(problem.compiled, problem.constraints, [problem.demand], rlimit=DEFAULT_RLIMIT)
+        is None
+    )
 
 
-def check(asked: Asked) -> None:
+def check(problem: Problem) -> None:
     """What is proved is true; where one thing happens after the other, what is true is proved."""
-    kept = not asked.searched()
-    alone = Settled(asked.compiled.automaton).alone
-    proved = refuted(asked)
+    kept = not problem.searched()
+    alone = Settled(problem.compiled.automaton).alone
+    proved = refuted(problem)
     event(f"kept: {kept}, one at a time: {alone}, proved: {proved}")
     assert kept or not proved
     if alone:
@@ -58,9 +61,9 @@ def check(asked: Asked) -> None:
 
 @few
 @given(st.one_of(st.tuples(STEPS, small_plans(5)), answers()), OPTIONS, FREE)
-def test_steps(found: tuple[list[tuple[str, ...]], P], options: dict, more: dict) -> None:
-    steps, whole = found
-    check(Asked(whole, task_of(steps, **more), **options))
+def test_steps(expected: tuple[list[tuple[str, ...]], P], options: dict, more: dict) -> None:
+    steps, whole = expected
+    check(Problem(whole, task_of(steps, **more), **options))
 
 
 @few
@@ -76,25 +79,25 @@ def test_templates(
 ) -> None:
     template, names, times = rule
     text = formula_text(template, names, after=after, times=times)  # type: ignore[arg-type]
-    check(Asked(whole, rule_of(f"F completes -> ({text})" if completed else text), **options))
+    check(Problem(whole, rule_of(f"F completes -> ({text})" if completed else text), **options))
 
 
 @few
 @given(small_plans(5), FORMULAS, OPTIONS)
 def test_formulas(whole: P, text: str, options: dict) -> None:
-    check(Asked(whole, rule_of(text), **options))
+    check(Problem(whole, rule_of(text), **options))
 
 
 @few
 @given(small_plans(4), STEPS, st.data())
 def test_assumptions(whole: P, steps: list[tuple[str, ...]], data: st.DataObject) -> None:
     assume(actions_of(whole))
-    asked = Asked(whole, task_of(steps))
+    problem = Problem(whole, task_of(steps))
     options = constraints_of(
         plan_of(whole), assumptions=[str(data.draw(constraints(whole, max_leaves=3)))]
     )
-    alone = decide_task(asked.compiled, options, task_of(steps), effort=Effort("structural"))
-    scenario = suspect(asked.compiled, options, [asked.demand], rlimit=DEFAULT_RLIMIT)
+    alone = decide_task(problem.compiled, options, task_of(steps), effort=Effort("structural"))
+    scenario = suspect(problem.compiled, options, [problem.demand], rlimit=DEFAULT_RLIMIT)
     assert alone.fulfilled or scenario is not None
 
 
@@ -109,29 +112,31 @@ KEPT = [
 def test_plans_that_keep_their_task_in_any_order(
     whole: P, steps: list[tuple[str, ...]], more: dict
 ) -> None:
-    assert refuted(Asked(whole, task_of(steps, **more)))
+    assert refuted(Problem(whole, task_of(steps, **more)))
 
 
 @pytest.mark.parametrize("faults", [(), ("no-start",), ("hang",)])
 def test_one_change_of_a_plan_is_enough_to_lose_the_proof(faults: tuple[str, ...]) -> None:
     steps = [("A", "D"), ("B",), ("C",)]
     right = ["demo/A", rec("demo/D"), "demo/B x=1", "demo/B x=2"]
-    assert refuted(Asked(plan(*right), task_of(steps), faults=faults))
+    assert refuted(Problem(plan(*right), task_of(steps), faults=faults))
     for place in range(len(right)):
         rest = right[:place] + right[place + 1 :]
         if rest[0] is not right[1]:
-            assert not refuted(Asked(plan(*rest), task_of(steps), faults=faults))
+            assert not refuted(Problem(plan(*rest), task_of(steps), faults=faults))
 
 
 def test_a_scenario_of_the_problem_is_played() -> None:
-    asked = Asked(plan("demo/A", "demo/D"), task_of([("A",), ("B",)]))
-    scenario = suspect(asked.compiled, asked.constraints, [asked.demand], rlimit=DEFAULT_RLIMIT)
+    problem = Problem(plan("demo/A", "demo/D"), task_of([("A",), ("B",)]))
+    scenario = suspect(
+        problem.compiled, problem.constraints, [problem.demand], rlimit=DEFAULT_RLIMIT
+    )
     assert scenario is not None
-    left = played(asked.compiled, asked.constraints, asked.demand, scenario)
+    left = played(problem.compiled, problem.constraints, problem.demand, scenario)
     assert left is not None
     assert left.violation.code == "GP601"
     failing = (Outcome.FAILED, Outcome.SUCCEEDED)
-    assert played(asked.compiled, asked.constraints, asked.demand, failing) is None
+    assert played(problem.compiled, problem.constraints, problem.demand, failing) is None
 
 
 @pytest.mark.parametrize(
@@ -157,17 +162,17 @@ def test_trees_that_need_some_of_several(need: int, rule: str, kept: bool) -> No
     scenario = suspect(compiled, constraints_of(whole), [monitor], rlimit=DEFAULT_RLIMIT)
     assert kept or scenario is not None
     task = Task(rules=(demand,), patterns=tuple(named.values()))
-    found = decide_task(compiled, constraints_of(whole), task)
-    assert found.fulfilled is kept
-    assert found.decided_by == ("z3" if kept else "replay")
+    decided = decide_task(compiled, constraints_of(whole), task)
+    assert decided.fulfilled is kept
+    assert decided.decided_by == ("z3" if kept else "replay")
 
 
 # -- what a decision rests on ---------------------------------------------------------------------
 
 
 def decision(whole: P, task: Task, **effort: object) -> Decision:
-    asked = Asked(whole, task)
-    return decide_task(asked.compiled, asked.constraints, task, effort=Effort(**effort))  # type: ignore[arg-type]
+    problem = Problem(whole, task)
+    return decide_task(problem.compiled, problem.constraints, task, effort=Effort(**effort))  # type: ignore[arg-type]
 
 
 TWO = Task(
@@ -178,40 +183,40 @@ TWO = Task(
 
 
 def test_each_demand_says_what_decided_it() -> None:
-    found = decision(plan("demo/A", "demo/D"), TWO)
-    assert found.basis == (
+    verdict = decision(plan("demo/A", "demo/D"), TWO)
+    assert verdict.basis == (
         Basis("the steps of the task", "z3"),
         Basis("the rule '!start(D) W succeeds(A)' of the task", "z3"),
         Basis("the rule 'F completes' of the task", "replay"),
     )
-    assert found.decided_by == "replay"
+    assert verdict.decided_by == "replay"
     assert decision(plan("demo/A", "demo/D"), task_of([("A",), ("D",)])).decided_by == "z3"
 
 
 @pytest.mark.parametrize("effort", [{"solver": "structural"}, {"rlimit": 100}])
 def test_without_a_proof_the_search_decides_and_that_is_said(effort: dict) -> None:
-    found = decision(plan("demo/A", "demo/D"), task_of([("A",), ("D",)]), **effort)
-    assert found.fulfilled
-    assert found.decided_by == "search"
+    verdict = decision(plan("demo/A", "demo/D"), task_of([("A",), ("D",)]), **effort)
+    assert verdict.fulfilled
+    assert verdict.decided_by == "search"
 
 
 def test_a_text_that_is_too_long_is_not_read() -> None:
-    asked = Asked(plan("demo/A", "demo/D"), task_of([("A",), ("D",)]))
-    _, text = problem_text(asked.compiled, asked.constraints, [asked.demand])
-    with pytest.raises(Inconclusive):
-        suspect(asked.compiled, asked.constraints, [asked.demand], rlimit=10 * len(text) - 1)
+    problem = Problem(plan("demo/A", "demo/D"), task_of([("A",), ("D",)]))
+    _, text = problem_text(problem.compiled, problem.constraints, [problem.demand])
+    with pytest.raises(InconclusiveError):
+        suspect(problem.compiled, problem.constraints, [problem.demand], rlimit=10 * len(text) - 1)
 
 
 def test_an_undecided_plan_rests_on_nothing() -> None:
     task = task_of([("A",), ("D",)], others=True)
-    found = decision(wide(12), task, solver="structural", moves=100)
-    assert found.fulfilled is None
-    assert found.decided_by is None
+    verdict = decision(wide(12), task, solver="structural", moves=100)
+    assert verdict.fulfilled is None
+    assert verdict.decided_by is None
 
 
 def test_a_plan_without_demands_rests_on_nothing() -> None:
-    asked = Asked(plan("demo/A"), rule_of("F start(A)"))
-    assert decide_task(asked.compiled, asked.constraints, Task()).decided_by is None
+    problem = Problem(plan("demo/A"), rule_of("F start(A)"))
+    assert decide_task(problem.compiled, problem.constraints, Task()).decided_by is None
 
 
 @pytest.mark.parametrize(
@@ -224,7 +229,7 @@ def test_a_plan_without_demands_rests_on_nothing() -> None:
 def test_where_the_problem_holds_too_many_runs_z3_is_asked_about_those_there_are(whole: P) -> None:
     """A step beside others can come twice in the problem, or before what it follows."""
     task = task_of([("A",), ("B",)], others=True)
-    assert not refuted(Asked(whole, task))
+    assert not refuted(Problem(whole, task))
     assert decision(whole, task).decided_by == "z3"
 
 
@@ -244,8 +249,8 @@ def test_what_the_search_gives_up_does_not_spoil_the_proof_of_the_rest() -> None
         patterns=tuple(PATTERNS.values()),
         others=True,
     )
-    found = decision(wide(24), task)
-    assert [each.decided_by for each in found.basis] == ["z3", "replay"]
+    verdict = decision(wide(24), task)
+    assert [each.decided_by for each in verdict.basis] == ["z3", "replay"]
 
 
 def test_the_problem_grows_with_the_plan_and_not_with_the_task_too() -> None:
@@ -253,6 +258,6 @@ def test_the_problem_grows_with_the_plan_and_not_with_the_task_too() -> None:
     for size in (20, 40):
         steps = [("A",), ("B",), ("C",), ("D",)] * (size // 4)
         actions = ["demo/A", "demo/B x=1", "demo/B x=2", "demo/D"] * (size // 4)
-        asked = Asked(plan(*actions), task_of(steps))
-        sizes.append(len(problem_text(asked.compiled, asked.constraints, [asked.demand])[1]))
+        problem = Problem(plan(*actions), task_of(steps))
+        sizes.append(len(problem_text(problem.compiled, problem.constraints, [problem.demand])[1]))
     assert sizes[1] < 2.2 * sizes[0]

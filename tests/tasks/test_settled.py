@@ -10,8 +10,8 @@ from hypothesis import event, given
 from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.compile import compile_plan
 from gpsfsm.tasks.counterexample import Plays
-from gpsfsm.tasks.ltlf import TooLarge
-from gpsfsm.tasks.settled import Settled
+from gpsfsm.tasks.following import Settled
+from gpsfsm.tasks.ltlf import TooLargeError
 from tests.oracle import P, par_all, par_any, plan, rec, seq
 from tests.support import plan_of
 from tests.tasks.test_deciding import small_plans
@@ -83,6 +83,6 @@ def test_pairs(whole: P, pairs: set[tuple[int, int]]) -> None:
 
 def test_a_large_plan_with_instances_side_by_side_is_beyond_the_limit() -> None:
     whole = plan(par_all(*["demo/A"] * 2_000))
-    with pytest.raises(TooLarge):
+    with pytest.raises(TooLargeError):
         Settled(compiled_of(whole)[0].automaton)
     assert Settled(compiled_of(plan(*["demo/A"] * 2_001))[0].automaton).alone

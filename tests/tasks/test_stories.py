@@ -28,10 +28,10 @@ A, B, C, D, E = (f"demo/GoRunner x={x}" for x in range(1, 6))
 SAY = "demo/SayRunner"
 GO = "GoRunner (x={}) at line {}".format
 
-Told = tuple[str, int, str, list[str]]
+Story = tuple[str, int, str, list[str]]
 
 
-def found(whole: P, text: str = TASK) -> list[Told]:
+def stories_of(whole: P, text: str = TASK) -> list[Story]:
     """Rule, line, message and story of the findings about a task."""
     options = CheckOptions(task=read_task(text.encode()), selection=Selection.of(["GP6", "GP9"]))
     report = check_text(to_xml(whole), "plan.xml", options)
@@ -44,11 +44,11 @@ def found(whole: P, text: str = TASK) -> list[Told]:
 
 
 def test_a_plan_that_fulfils_its_task_has_no_finding() -> None:
-    assert found(plan(A, SAY, rec(SAY), B, rec(C, D), D)) == []
+    assert stories_of(plan(A, SAY, rec(SAY), B, rec(C, D), D)) == []
 
 
 def test_a_plan_may_give_up_when_what_was_not_asked_for_fails() -> None:
-    assert found(plan(A, B, rec(C, D), SAY, D)) == []
+    assert stories_of(plan(A, B, rec(C, D), SAY, D)) == []
 
 
 AFTER_A = f"{GO(1, 2)} succeeds"
@@ -127,23 +127,23 @@ CASES = {
 def test_the_ways_to_leave_a_task_are_told_apart(
     whole: P, rule: str, line: int, message: str, story: list[str]
 ) -> None:
-    assert found(whole)[0] == (rule, line, message, story)
+    assert stories_of(whole)[0] == (rule, line, message, story)
 
 
 def test_two_steps_at_once_are_told_in_both_orders() -> None:
     during = f"{GO(2, 4)} can start while step 1 ('A') is still running"
     before = f"{GO(2, 4)} comes before step 1 ('A'), which the task requires first"
-    told = [(rule, message) for rule, _, message, _ in found(plan(par_all(A, B), rec(), D))]
-    assert sorted(told) == [("GP604", during), ("GP604", before)]
+    pairs = [(rule, message) for rule, _, message, _ in stories_of(plan(par_all(A, B), rec(), D))]
+    assert sorted(pairs) == [("GP604", during), ("GP604", before)]
 
 
 def test_a_plan_that_completes_beside_its_steps() -> None:
-    told = found(plan(par_any(seq(A, B, rec(C, D), D), SAY)))
-    assert [rule for rule, *_ in told] == ["GP607"] * 6
-    assert told[1][2] == (
+    stories = stories_of(plan(par_any(seq(A, B, rec(C, D), D), SAY)))
+    assert [rule for rule, *_ in stories] == ["GP607"] * 6
+    assert stories[1][2] == (
         "the plan completes even if step 2 ('B') and its alternatives fail: it must give up then"
     )
-    assert told[4][3] == [
+    assert stories[4][3] == [
         "GoRunner (x=1) at line 4 succeeds",
         "GoRunner (x=2) at line 5 is running",
         "SayRunner at line 12 succeeds",
@@ -153,8 +153,8 @@ def test_a_plan_that_completes_beside_its_steps() -> None:
 
 def test_a_broken_rule_is_told_with_its_name() -> None:
     rules = "rules:\n  - {response: [B, say], name: report the end, runs: completed}\n"
-    told = found(plan(A, B, rec(C, D), D), TASK + rules)
-    assert told == [
+    stories = stories_of(plan(A, B, rec(C, D), D), TASK + rules)
+    assert stories == [
         (
             "GP608",
             1,
@@ -168,8 +168,8 @@ def test_a_broken_rule_is_told_with_its_name() -> None:
 
 
 def test_a_rule_that_an_event_breaks_names_it() -> None:
-    told = found(plan(SAY, A, B, rec(C, D), D), TASK + "rules:\n  - precedence: [B, say]\n")
-    assert [(rule, line, story) for rule, line, _, story in told] == [
+    stories = stories_of(plan(SAY, A, B, rec(C, D), D), TASK + "rules:\n  - precedence: [B, say]\n")
+    assert [(rule, line, story) for rule, line, _, story in stories] == [
         ("GP608", 2, ["SayRunner at line 2 starts, which breaks the rule"])
     ]
 

@@ -55,15 +55,15 @@ OPTIONS = st.fixed_dictionaries(
 FREE = st.sampled_from([{}, {"others": True}, {"allowed": (PATTERNS["D"],)}])
 
 
-class Asked:
+class Problem:
     """A plan and the demand of a task on it, the first if there are several."""
 
     def __init__(self, whole: P, task: Task, **options: object) -> None:
         self.whole = whole
-        found = plan_of(whole)
-        self.constraints: Constraints = constraints_of(found, **options)  # type: ignore[arg-type]
-        self.compiled: Compiled = compile_plan(found, start_chain=self.constraints.no_start)
-        matching = Matching(found.runners)
+        parsed = plan_of(whole)
+        self.constraints: Constraints = constraints_of(parsed, **options)  # type: ignore[arg-type]
+        self.compiled: Compiled = compile_plan(parsed, start_chain=self.constraints.no_start)
+        matching = Matching(parsed.runners)
         self.demand: Demand = (
             StepsMonitor(task, matching)
             if task.steps
@@ -72,10 +72,10 @@ class Asked:
 
     def searched(self) -> dict[tuple[object, ...], Left]:
         """The plainest run of each kind."""
-        found: dict[tuple[object, ...], Left] = {}
+        results: dict[tuple[object, ...], Left] = {}
         for left in search(self.compiled, self.constraints, self.demand):
-            found.setdefault(left.violation.key, left)
-        return found
+            results.setdefault(left.violation.key, left)
+        return results
 
     def solved(self) -> dict[tuple[object, ...], Left]:
         """The same by z3."""
@@ -83,33 +83,33 @@ class Asked:
         return {left.violation.key: left for left in runs}
 
 
-def compare(asked: Asked) -> dict[tuple[object, ...], Left]:
+def compare(problem: Problem) -> dict[tuple[object, ...], Left]:
     """Both find the same kinds, and of each the same instances that fail."""
-    searched, solved = asked.searched(), asked.solved()
+    searched, solved = problem.searched(), problem.solved()
     assert {key: left.failing for key, left in searched.items()} == {
         key: left.failing for key, left in solved.items()
     }
     ranks = [(len(left.failing), left.failing) for left in solved.values()]
     assert ranks == sorted(ranks)
-    for found in (searched, solved):
-        ranks = [(len(left.failing), left.failing) for left in found.values()]
+    for each in (searched, solved):
+        ranks = [(len(left.failing), left.failing) for left in each.values()]
         assert ranks == sorted(ranks)
     return solved
 
 
-def first(found: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+def first(actual: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
     """The canonical one of sets of failing instances."""
-    return min(found, key=lambda failing: (len(failing), failing))
+    return min(actual, key=lambda failing: (len(failing), failing))
 
 
 @few
 @given(st.one_of(st.tuples(STEPS, small_plans(4)), answers()), OPTIONS, FREE)
-def test_steps(found: tuple[list[tuple[str, ...]], P], options: dict, more: dict) -> None:
-    steps, whole = found
+def test_steps(expected: tuple[list[tuple[str, ...]], P], options: dict, more: dict) -> None:
+    steps, whole = expected
     actions = actions_of(whole)
     assume(len(actions) <= (5 if not options["faults"] else 4))
-    asked = Asked(whole, task_of(steps, **more), **options)
-    solved = compare(asked)
+    problem = Problem(whole, task_of(steps, **more), **options)
+    solved = compare(problem)
     free = frozenset({KEYS["D"]}) if "allowed" in more else frozenset()
     wanted = [[KEYS[name] for name in step] for step in steps]
     failing = [
@@ -133,7 +133,7 @@ def rule_of(text: str) -> Task:
 
 def check_rule(whole: P, text: str, options: dict) -> None:
     task = rule_of(text)
-    solved = compare(Asked(whole, task, **options))
+    solved = compare(Problem(whole, task, **options))
     formula = task.rules[0].formula
     meant = {name: frozenset({KEYS[name]}) for name in KEYS}
     traces = all_traces(
@@ -174,35 +174,37 @@ def test_assumptions(whole: P, steps: list[tuple[str, ...]], data: st.DataObject
     traces = all_traces(whole, constraint=constraint)
     assume(traces)
     task = task_of(steps)
-    plain = Asked(whole, task)
+    plain = Problem(whole, task)
     options = constraints_of(plan_of(whole), assumptions=[str(constraint)])
     solved = decide_task(plain.compiled, options, task, effort=Effort("z3"))
     searched = decide_task(plain.compiled, options, task, effort=Effort("structural"))
     wanted = [[KEYS[name] for name in step] for step in steps]
     wrong = any(left_after(trace, wanted, actions_of(whole)) is not None for _, trace in traces)
     assert solved.fulfilled == searched.fulfilled == (not wrong)
-    told = [{(each.rule, each.message) for each in one.departures} for one in (solved, searched)]
-    assert told[0] == told[1]
+    departures = [
+        {(each.rule, each.message) for each in one.departures} for one in (solved, searched)
+    ]
+    assert departures[0] == departures[1]
 
 
 def test_an_input_that_comes_twice_at_once_counts_twice() -> None:
     """A defect of the past: the plan was taken to be stuck (semantics, 3.3: empty controls)."""
     whole = plan(par_all(seq(), seq()), "demo/A")
-    assert compare(Asked(whole, task_of([("A",)]))) == {}
+    assert compare(Problem(whole, task_of([("A",)]))) == {}
 
 
 def test_the_plainest_run_comes_first_also_if_it_is_the_longer_one() -> None:
     """A defect of the past: a second failure breaks the rule at once, one only at the end."""
     whole = plan(par_any("demo/A", "demo/A", "demo/D"))
-    asked = Asked(whole, rule_of("G (fails(A) -> X (!fails(A) U start(A)))"))
-    (left,) = compare(asked).values()
+    problem = Problem(whole, rule_of("G (fails(A) -> X (!fails(A) U start(A)))"))
+    (left,) = compare(problem).values()
     assert left.failing == (0,)
 
 
 def test_the_latest_outcome_need_not_be_needed_by_what_came_before() -> None:
     """The parallel_any is over when 2 succeeds, and 1 can start after A has."""
     whole = plan(par_any(seq("demo/D", "demo/B x=1"), "demo/D"), "demo/A", "demo/D")
-    (left,) = compare(Asked(whole, rule_of("!F (start(A) & F start(B))"))).values()
+    (left,) = compare(Problem(whole, rule_of("!F (start(A) & F start(B))"))).values()
     assert [number for what, number in left.events if what == "STARTED"][-2:] == [3, 1]
 
 
@@ -218,8 +220,8 @@ def wide(width: int) -> P:
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_wide_plans_fulfil_their_steps(width: int) -> None:
-    asked = Asked(wide(width), task_of([("A",), ("D",)], others=True))
-    assert asked.solved() == {}
+    problem = Problem(wide(width), task_of([("A",), ("D",)], others=True))
+    assert problem.solved() == {}
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -238,16 +240,16 @@ def test_wide_plans_fulfil_their_steps(width: int) -> None:
     ],
 )
 def test_rules_of_wide_plans(width: int, text: str, failing: tuple[int, ...] | None) -> None:
-    found = [left.failing for left in Asked(wide(width), rule_of(text)).solved().values()]
-    assert found == ([] if failing is None else [failing])
+    failings = [left.failing for left in Problem(wide(width), rule_of(text)).solved().values()]
+    assert failings == ([] if failing is None else [failing])
 
 
 def test_nested_wide_plans() -> None:
     units = [par_any(seq(f"demo/B x={3 * at + 5}", "demo/D"), "demo/D") for at in range(20)]
     whole = plan("demo/A", par_all(*units), rec("demo/D"), "demo/A")
-    assert not Asked(whole, rule_of("F fails(*) | F completes")).solved()
+    assert not Problem(whole, rule_of("F fails(*) | F completes")).solved()
     # Both ways of the first unit fail, and so does the recovery.
-    (left,) = Asked(whole, rule_of("F gives_up -> F fails(A)")).solved().values()
+    (left,) = Problem(whole, rule_of("F gives_up -> F fails(A)")).solved().values()
     assert left.failing == (1, 3, 61)
 
 
@@ -259,26 +261,26 @@ def test_what_a_search_gives_up_is_decided_by_z3() -> None:
         patterns=tuple(PATTERNS.values()),
         others=True,
     )
-    asked = Asked(whole, task)
-    decision = decide_task(asked.compiled, asked.constraints, task)
+    problem = Problem(whole, task)
+    decision = decide_task(problem.compiled, problem.constraints, task)
     assert decision.undecided == ()
     assert [each.message for each in decision.departures] == [
         "a run breaks a rule of the task: F completes"
     ]
     alone = decide_task(
-        asked.compiled, asked.constraints, task, effort=Effort("structural", moves=1_000)
+        problem.compiled, problem.constraints, task, effort=Effort("structural", moves=1_000)
     )
     assert alone.undecided == ("the steps of the task", "the rule 'F completes' of the task")
 
 
 def test_a_difference_between_the_deciders_is_a_defect(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, task = plan("demo/A"), task_of([("D",)])
-    asked = Asked(whole, task)
+    problem = Problem(whole, task)
     monkeypatch.setattr("gpsfsm.tasks.deciding.search", lambda *_, **__: iter(()))
     with pytest.raises(InternalError, match="disagree on the task"):
-        decide_task(asked.compiled, asked.constraints, task)
+        decide_task(problem.compiled, problem.constraints, task)
     assert not decide_task(
-        asked.compiled, asked.constraints, task, effort=Effort("structural")
+        problem.compiled, problem.constraints, task, effort=Effort("structural")
     ).departures
 
 
@@ -287,7 +289,7 @@ def test_a_template_is_followed_without_circles() -> None:
     whole = plan("demo/A", "demo/B x=1", "demo/A", "demo/D")
     for template in ("last", "response", "alternate_response", "chain_succession"):
         names = ("A",) if template == "last" else ("A", "B")
-        asked = Asked(whole, rule_of(formula_text(template, names)))
-        depth = machine_of(asked.demand.branching(), asked.constraints).depth
+        problem = Problem(whole, rule_of(formula_text(template, names)))
+        depth = machine_of(problem.demand.branching(), problem.constraints).depth
         assert depth is not None
         assert depth <= 4

@@ -19,8 +19,8 @@ def test_a_report_on_an_engine_says_how_the_task_was_decided() -> None:
     for engine in ENGINES:
         report = check_text(wrong, "a.xml", replace(paper, engine=engine))
         assert "GP601" in {finding.rule for finding in report.findings}
-        told = [note for note in report.notes if "decided by the semantics of the paper" in note]
-        assert len(told) == (engine != PAPER_ENGINE)
+        notes = [note for note in report.notes if "decided by the semantics of the paper" in note]
+        assert len(notes) == (engine != PAPER_ENGINE)
         silent = check_text(wrong, "a.xml", CheckOptions(engine=engine))
         assert not any("the task" in note for note in silent.notes)
 
@@ -41,6 +41,6 @@ def test_where_an_engine_leaves_a_task_that_the_plan_fulfils_a_finding_tells_tha
     )
     for engine in ENGINES:
         report = check_text(right, "a.xml", CheckOptions(task=task, engine=engine))
-        found = {finding.rule for finding in report.findings}
-        assert not any(rule.startswith("GP6") for rule in found)
-        assert any(rule.startswith("GP7") for rule in found) == (engine != PAPER_ENGINE)
+        rules = {finding.rule for finding in report.findings}
+        assert not any(rule.startswith("GP6") for rule in rules)
+        assert any(rule.startswith("GP7") for rule in rules) == (engine != PAPER_ENGINE)

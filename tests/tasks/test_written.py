@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.tasks.ltlf import Mistake, TooLarge, Tracker, parse_formula
+from gpsfsm.tasks.ltlf import MistakeError, TooLargeError, Tracker, parse_formula
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_what_is_short_for_what(short: str, long: str) -> None:
     ],
 )
 def test_what_is_said_about_mistakes(text: str, position: int, message: str) -> None:
-    with pytest.raises(Mistake) as caught:
+    with pytest.raises(MistakeError) as caught:
         parse_formula(text)
     assert (caught.value.position, caught.value.message) == (position, message)
 
@@ -64,7 +64,7 @@ WORDS = [
 def place_of_mistake(text: str) -> int:
     try:
         return 0 if Tracker(parse_formula(text)).start else -1
-    except Mistake as mistake:
+    except MistakeError as mistake:
         return mistake.position
 
 
@@ -77,14 +77,14 @@ def test_no_text_breaks_the_parser(text: str) -> None:
 def test_what_is_written_twice_does_not_explode(operator: str) -> None:
     """Each of these writes a part twice, and so 40 of them 2 to the 40 parts."""
     assert parse_formula(f" {operator} ".join(["start(A)"] * 6))
-    with pytest.raises(Mistake, match="the formula is too large"):
+    with pytest.raises(MistakeError, match="the formula is too large"):
         parse_formula(f" {operator} ".join(["start(A)"] * 40))
 
 
 def test_a_formula_with_a_huge_automaton_is_given_up() -> None:
     parts = [f"F (start(A{n}) & X F start(B{n}))" for n in range(12)]
     tracker = Tracker(parse_formula(" & ".join(parts)))
-    with pytest.raises(TooLarge):
+    with pytest.raises(TooLargeError):
         _follow_all(tracker)
 
 

@@ -18,14 +18,14 @@ const colors = new Proxy({}, { get: (target, name) => target[name] ?? name, has:
 function pen() {
   const looks = new Set();
   const state = { dash: [] };
-  const known = {
+  const members = {
     setLineDash: (dash) => (state.dash = dash),
     stroke: () => looks.add(`line ${String(state.strokeStyle)} ${state.dash.length > 0} ${state.lineWidth > 2.6}`),
     fill: () => looks.add(`area ${String(state.fillStyle)} ${state.globalAlpha ?? 1}`),
     fillText: (text) => [..."⊟⋯▶✓✗◔■–●"].includes(text) && looks.add(`sign ${text}`),
   };
   const context = new Proxy(state, {
-    get: (target, name) => known[name] ?? target[name] ?? (() => {}),
+    get: (target, name) => members[name] ?? target[name] ?? (() => {}),
     set: (target, name, value) => ((target[name] = value), true),
   });
   return { context, looks };

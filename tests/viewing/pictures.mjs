@@ -10,8 +10,8 @@ const folder = process.argv[2];
 const load = (name) => import(pathToFileURL(`${folder}/${name}`));
 const { makePicture } = await load("picture.js");
 
-const asked = JSON.parse(readFileSync(0, "utf8"));
-const made = asked.map(({ automaton, folds }) => {
+const cases = JSON.parse(readFileSync(0, "utf8"));
+const made = cases.map(({ automaton, folds }) => {
   const everything = automaton.groups.map((group, number) => number);
   const pictures = [[], everything, ...folds].map((fold) => makePicture(automaton, new Set(fold), "structure"));
   return [...pictures, makePicture(automaton, new Set(), "layered")];

@@ -29,12 +29,12 @@ _SCHEMA = json.loads(
 _VALIDATOR = jsonschema.Draft202012Validator(_SCHEMA)
 
 
-def in_node(script: str, asked: object) -> Any:
+def in_node(script: str, value: object) -> Any:
     """The answer of a script beside this module, which imports modules of the pages."""
     folder = Path(__file__).parent
     done = subprocess.run(
         ["node", folder / script, str(folder.parents[1] / "gpsfsm" / "viewing" / "web")],
-        input=json.dumps(asked),
+        input=json.dumps(value),
         capture_output=True,
         text=True,
         check=False,
@@ -58,31 +58,31 @@ def document_of(
     chosen = options or check_options()
     names = [f"plan{number}.xml" for number in range(len(texts))]
     each = [viewed(text, name, chosen) for text, name in zip(texts, names, strict=True)]
-    found = document(each, chosen, diff=diff)
-    holds(found)
-    return found
+    shown = document(each, chosen, diff=diff)
+    holds(shown)
+    return shown
 
 
 def only(text: str | bytes, options: CheckOptions | None = None) -> dict[str, Any]:
     """What is shown of one text."""
     (plan,) = document_of(text, options=options)["plans"]
-    found: dict[str, Any] = plan
-    return found
+    shown: dict[str, Any] = plan
+    return shown
 
 
-def holds(found: dict[str, Any]) -> None:
+def holds(shown: dict[str, Any]) -> None:
     """It obeys the schema, and every number in it names something that is there."""
-    _VALIDATOR.validate(found)
-    assert unpacked(packed(found)) == found
-    assert unpacked(json.loads(json.dumps(packed(found), allow_nan=False))) == found
-    for plan in found["plans"]:
+    _VALIDATOR.validate(shown)
+    assert unpacked(packed(shown)) == shown
+    assert unpacked(json.loads(json.dumps(packed(shown), allow_nan=False))) == shown
+    for plan in shown["plans"]:
         _plan(plan)
-        assert {finding["rule"] for finding in plan["findings"]} <= set(found["rules"])
-    diff = found["diff"]
+        assert {finding["rule"] for finding in plan["findings"]} <= set(shown["rules"])
+    diff = shown["diff"]
     if diff is not None:
         for side, play in zip((diff["left"], diff["right"]), diff["plays"], strict=True):
             if play is not None:
-                _play(play, found["plans"][side]["automaton"])
+                _play(play, shown["plans"][side]["automaton"])
 
 
 def _plan(plan: dict[str, Any]) -> None:

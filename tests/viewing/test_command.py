@@ -42,9 +42,9 @@ def test_several_plans_of_which_one_is_broken(tmp_path: Path) -> None:
     done = run("view", ".", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.endswith(b" kB; 1 with errors in the text\n")
-    found = _shown((tmp_path / "plans.html").read_bytes())
-    assert [plan["name"] for plan in found["plans"]] == ["a.xml", "b.xml"]
-    assert found["title"] == "2 plans"
+    shown = _shown((tmp_path / "plans.html").read_bytes())
+    assert [plan["name"] for plan in shown["plans"]] == ["a.xml", "b.xml"]
+    assert shown["title"] == "2 plans"
 
 
 def test_a_file_that_cannot_be_read_does_not_keep_the_others_from_being_shown(

@@ -44,9 +44,9 @@ def test_every_plan_of_the_corpus(file: Path) -> None:
 @pytest.mark.parametrize("family", sorted({file.parent.name[:3] for file in OF_RULES}))
 def test_every_plan_that_a_rule_finds_something_in(family: str) -> None:
     files = [file for file in OF_RULES if file.parent.name.startswith(family)]
-    found = document_of(*(file.read_bytes() for file in files))
-    assert len(found["plans"]) == len(files)
-    for plan in found["plans"]:
+    shown = document_of(*(file.read_bytes() for file in files))
+    assert len(shown["plans"]) == len(files)
+    for plan in shown["plans"]:
         assert plan["plays_left_out"] == 0
         for each in plan["findings"]:
             # of a goal that is missed only after the plan has completed there is no play
@@ -63,8 +63,8 @@ def test_damaged_texts(name: str) -> None:
 
 @given(st.binary(max_size=200) | st.text(max_size=200))
 def test_any_text_at_all(text: str | bytes) -> None:
-    found = document_of(text)
-    assert found["plans"][0]["verdict"] != "accepted"
+    shown = document_of(text)
+    assert shown["plans"][0]["verdict"] != "accepted"
 
 
 @given(st.integers(0, len(STEPS)), st.integers(0, 40))
@@ -138,10 +138,10 @@ def test_a_tree_that_is_not_decided_is_shown_as_it_is_written() -> None:
 
 
 def test_a_file_that_was_not_read_is_told() -> None:
-    found = document_of(STEPS, None)
-    assert found["plans"][1]["source"] is None
-    assert found["plans"][1]["findings"][0]["rule"] == "GP901"
-    assert found["title"] == "2 plans"
+    shown = document_of(STEPS, None)
+    assert shown["plans"][1]["source"] is None
+    assert shown["plans"][1]["findings"][0]["rule"] == "GP901"
+    assert shown["title"] == "2 plans"
 
 
 @pytest.mark.parametrize("engine", ["paper", "fabric-v2"])

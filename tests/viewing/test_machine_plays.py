@@ -36,7 +36,7 @@ def text_of(graph: nx.MultiDiGraph[Any]) -> str:
     return json.dumps({"nodes": nodes, "edges": edges}, indent=1)
 
 
-def told(play: dict[str, Any]) -> list[tuple[int, str]]:
+def events(play: dict[str, Any]) -> list[tuple[int, str]]:
     """The outcomes of a play, by node, in their order."""
     outcomes = (Event.SUCCEEDED, Event.FAILED)
     return [(row["node"], row["kind"]) for row in play["records"] if row["kind"] in outcomes]
@@ -50,8 +50,8 @@ def test_the_example_with_its_lassos() -> None:
     assert plan["elements"][0]["label"] == "machine"
     ends = [play["ends"] for play in plan["plays"]]
     assert sorted(ends) == ["ENDLESS", "ENDLESS", "STUCK", "STUCK"]
-    loop = next(play for play in plan["plays"] if (3, "SUCCEEDED") in told(play))
-    assert told(loop) == [(2, "SUCCEEDED"), (3, "SUCCEEDED")]
+    loop = next(play for play in plan["plays"] if (3, "SUCCEEDED") in events(play))
+    assert events(loop) == [(2, "SUCCEEDED"), (3, "SUCCEEDED")]
     kinds = [(row["kind"], row["node"]) for row in loop["records"]]
     assert kinds.index(("STOPPED", 1)) < kinds.index(("STARTED", 3))
     assert kinds.count(("STARTED", 1)) == 2  # it is driven again
@@ -73,7 +73,7 @@ def test_every_scenario_of_a_machine_is_played(graph: nx.MultiDiGraph[Any]) -> N
         if finding["play"] >= 0:
             play = shown["plays"][finding["play"]]
             assert play["ends"] == finding["ends"]
-            _told_as_it_is_played(play, shown["automaton"]["nodes"])
+            _described_as_played(play, shown["automaton"]["nodes"])
 
 
 def messages_beyond_the_end(text: str) -> set[str]:
@@ -95,7 +95,7 @@ def messages_beyond_the_end(text: str) -> set[str]:
     return beyond
 
 
-def _told_as_it_is_played(play: dict[str, Any], nodes: Iterable[dict[str, Any]]) -> None:
+def _described_as_played(play: dict[str, Any], nodes: Iterable[dict[str, Any]]) -> None:
     """Each sentence about an outcome stands at the record of that outcome."""
     kinds = {" succeeds": "SUCCEEDED", " fails": "FAILED"}
     for sentence, at in zip(play["story"], play["story_at"], strict=True):

@@ -42,8 +42,8 @@ def test_true_is_not_one() -> None:
 
 def test_columns_are_shorter() -> None:
     text = (REPO / "corpus" / "plans" / "tour_guide.xml").read_bytes()
-    found = document_of(text)
-    assert len(json.dumps(packed(found))) < 0.8 * len(json.dumps(found))
+    shown = document_of(text)
+    assert len(json.dumps(packed(shown))) < 0.8 * len(json.dumps(shown))
 
 
 def test_the_page_unpacks_the_same() -> None:
@@ -53,14 +53,14 @@ def test_the_page_unpacks_the_same() -> None:
     files = sorted((REPO / "corpus" / "plans").glob("*.xml"))[:4]
     odd = [{"line": number * number, "of": number % 2 == 0, "at": []} for number in range(20)]
     odd[3] = {"values": 1}
-    value = {"found": document_of(*(file.read_bytes() for file in files)), "odd": odd}
+    value = {"document": document_of(*(file.read_bytes() for file in files)), "odd": odd}
     script = f"""\
 const {{ unpack }} = await import({json.dumps((WEB / "state.js").as_uri())});
 let text = "";
 for await (const part of process.stdin) text += part;
-const found = unpack(JSON.parse(text));
-if (JSON.stringify(unpack(found)) !== JSON.stringify(found)) throw new Error("unpacked twice");
-process.stdout.write(JSON.stringify(found));
+const value = unpack(JSON.parse(text));
+if (JSON.stringify(unpack(value)) !== JSON.stringify(value)) throw new Error("unpacked twice");
+process.stdout.write(JSON.stringify(value));
 """
     done = subprocess.run(
         [node, "--input-type=module", "--experimental-default-type=module", "--eval", script],

@@ -63,18 +63,18 @@ def _data(text: str) -> Any:
 
 
 def test_the_page_holds_the_document() -> None:
-    found = document_of(STEPS)
-    text = page(found)
-    assert _data(text) == found
+    shown = document_of(STEPS)
+    text = page(shown)
+    assert _data(text) == shown
     assert text == page(document_of(STEPS))
     assert is_report(text.encode()[:4_096])
 
 
 def test_nothing_of_a_plan_is_markup() -> None:
-    found = document_of(HOSTILE)
-    found["title"] = found["plans"][0]["name"] = "</title><script>alert(3)</script>.xml"
-    text = page(found)
-    assert _data(text) == found
+    shown = document_of(HOSTILE)
+    shown["title"] = shown["plans"][0]["name"] = "</title><script>alert(3)</script>.xml"
+    text = page(shown)
+    assert _data(text) == shown
     hostile, harmless = _Parts(text), _Parts(page(document_of(STEPS)))
     count = [
         [tag for tag, _ in parts.tags if tag not in ("li", "h2")] for parts in (hostile, harmless)
@@ -122,22 +122,22 @@ def test_the_policy_allows_what_is_there_and_nothing_else() -> None:
 
 def test_without_scripts_the_findings_can_be_read() -> None:
     text = page(document_of(STEPS))
-    (told,) = re.findall(r"<noscript>(.*?)</noscript>", text, re.DOTALL)
-    assert "GP302" in told
-    assert "plan0.xml" in told
+    (bare,) = re.findall(r"<noscript>(.*?)</noscript>", text, re.DOTALL)
+    assert "GP302" in bare
+    assert "plan0.xml" in bare
 
 
 def test_a_page_of_a_dozen_runners_is_small() -> None:
     text = (REPO / "corpus" / "plans" / "tour_guide.xml").read_text(encoding="utf-8")
-    found = document_of(text)
-    assert found["plans"][0]["facts"]["runners"] == 12
-    assert len(page(found).encode()) < 250_000
+    shown = document_of(text)
+    assert shown["plans"][0]["facts"]["runners"] == 12
+    assert len(page(shown).encode()) < 250_000
 
 
 def test_pages_of_hundreds_of_runners_grow_with_their_plans() -> None:
     text = (REPO / "corpus" / "plans" / "tour_guide.xml").read_text(encoding="utf-8")
     bare = len(page(document_of("<Plan/>")).encode())
-    assert bare < 225_000
+    assert bare < 230_000
     runner = '<Runner interface="nav/Waypoint" provider="nav/Waypoint" x="1.5" y="2"/>'
     hundred, thousand = (
         len(page(document_of(f"<Plan>{runner * count}</Plan>")).encode()) - bare

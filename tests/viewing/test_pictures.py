@@ -17,6 +17,7 @@ from gpsfsm.picture.layout import layout
 from gpsfsm.picture.routing import Router
 from gpsfsm.viewing.picture import automaton_data
 from gpsfsm.viewing.plans import see
+from tests.cases import many
 from tests.conftest import REPO
 from tests.viewing.support import in_node
 
@@ -60,7 +61,7 @@ def random_plan(seed: int) -> str:
 def automata() -> Iterator[Automaton]:
     texts = [(file.read_text(encoding="utf-8"), "paper") for file in FILES]
     texts += [(file.read_text(encoding="utf-8"), "fabric-v2") for file in ENGINE_FILES]
-    texts += [(random_plan(seed), "paper") for seed in range(30)]
+    texts += [(random_plan(seed), "paper") for seed in range(many(30))]
     texts += [(f"<Plan>{_RUNNER * 120}</Plan>", "paper")]
     texts += [(f'<Plan><Control type="parallel_all">{_RUNNER * 40}</Control></Plan>', "paper")]
     texts += [(f"<Plan>{_RUNNER * 2_600}</Plan>", "paper")]  # its rows are divided
@@ -74,14 +75,14 @@ def automata() -> Iterator[Automaton]:
 def pictures() -> list[tuple[Automaton, list[Picture]]]:
     """Per automaton: all unfolded, all folded, two random folds, and the layered picture."""
     generator = random.Random(7)  # noqa: S311  (no secret)
-    found = list(automata())
-    asked = []
-    for automaton in found:
+    drawn = list(automata())
+    cases = []
+    for automaton in drawn:
         data = json.loads(json.dumps(automaton_data(automaton)))
         groups = range(len(data["groups"]))
         folds = [[group for group in groups if generator.random() < share] for share in (0.2, 0.6)]
-        asked.append({"automaton": data, "folds": folds})
-    return list(zip(found, in_node("pictures.mjs", asked), strict=True))
+        cases.append({"automaton": data, "folds": folds})
+    return list(zip(drawn, in_node("pictures.mjs", cases), strict=True))
 
 
 def test_what_is_unfolded_stands_where_python_puts_it(
@@ -98,9 +99,9 @@ def test_what_is_unfolded_stands_where_python_puts_it(
             assert_same_box(group["box"], places.groups[group["group"]].box)
 
 
-def assert_same_box(found: dict[str, float], box: Any) -> None:
+def assert_same_box(drawn: dict[str, float], box: Any) -> None:
     for name in ("x", "y", "width", "height"):
-        assert found[name] == pytest.approx(getattr(box, name), abs=NEAR), name
+        assert drawn[name] == pytest.approx(getattr(box, name), abs=NEAR), name
 
 
 def test_edges_take_the_routes_that_python_finds(
@@ -278,7 +279,7 @@ def test_connections_that_stop_are_laid_out_unless_they_would_hide_all_others() 
 
 
 def test_a_caption_stands_beside_the_line_on_which_its_control_is_entered() -> None:
-    asked = [
+    cases = [
         ("parallel_all “look” (line 5)", 500, 100),
         ("sequential “visit” (line 2)", 160, 80),
         ("sequential “visit” (line 2)", 60, 40),
@@ -296,7 +297,7 @@ console.log(JSON.stringify(groups.map(([label, width, spine]) =>
             "-e",
             script,
             (WEB / "paint.js").as_uri(),
-            json.dumps(asked),
+            json.dumps(cases),
         ],
         capture_output=True,
         text=True,

@@ -45,14 +45,14 @@ def test_a_play_is_the_run_that_the_finding_tells_of(
     options = check_options(AnalysisOptions(faults=tuple(sorted(wanted)), consistent=consistent))
     text = to_xml(whole)
     report = check_text(text, "plan.xml", options)
-    found = document([Viewed(text, report)], options)
-    holds(found)
-    (plan,) = found["plans"]
+    shown = document([Viewed(text, report)], options)
+    holds(shown)
+    (plan,) = shown["plans"]
     findings = worst_first(report)
     assert plan["plays_left_out"] == 0
     for finding, row in zip(findings, plan["findings"], strict=True):
         if row["play"] >= 0:
-            _as_told(finding, plan, plan["plays"][row["play"]])
+            _as_described(finding, plan, plan["plays"][row["play"]])
         elif finding.scenario is not None:
             on_paper = parse(text).plan
             assert on_paper is not None
@@ -80,15 +80,15 @@ def test_no_play_works_out_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _compiled(text: str) -> Compiled:
-    found = parse(text).plan
-    assert found is not None
-    return compile_plan(found)
+    plan = parse(text).plan
+    assert plan is not None
+    return compile_plan(plan)
 
 
 def _comes_too_late(compiled: Compiled, scenario: Scenario) -> None:
     """What the finding tells of would come at or after the instant at which the plan completes."""
-    found = compiled.automaton.plan
-    numbers = {found.path(each): number for number, each in enumerate(found.runners)}
+    plan = compiled.automaton.plan
+    numbers = {plan.path(each): number for number, each in enumerate(plan.runners)}
     outcomes = {numbers[path]: outcome for path, outcome in scenario.outcomes}
     trace = [(step.event, numbers[step.element]) for step in scenario.trace]
     played = play(compiled, Wanted(outcomes, trace))
@@ -100,7 +100,7 @@ def _comes_too_late(compiled: Compiled, scenario: Scenario) -> None:
     assert missing.isdisjoint(ended)
 
 
-def _as_told(finding: Finding, plan: dict[str, Any], played: dict[str, Any]) -> None:
+def _as_described(finding: Finding, plan: dict[str, Any], played: dict[str, Any]) -> None:
     """Every outcome of the scenario that comes is the one it says, and its events come in order."""
     scenario = finding.scenario
     assert scenario is not None
@@ -185,9 +185,9 @@ def test_the_records_of_a_failure_that_nothing_handles() -> None:
 def test_a_join_that_can_no_longer_succeed_is_marked_behind_the_failure() -> None:
     plan = only(f"<Plan><Control type='parallel_all'>{say('a')}{go(1, 2)}</Control></Plan>")
     played = plan["plays"][_finding(plan, "GP303")["play"]]
-    told = [kinds(played)[place] for place in played["story_at"]]
-    assert [kind for kind, _ in told] == ["FAILED", "JOINED", "ENDED"]
-    join = plan["automaton"]["nodes"][told[1][1]]
+    said = [kinds(played)[place] for place in played["story_at"]]
+    assert [kind for kind, _ in said] == ["FAILED", "JOINED", "ENDED"]
+    join = plan["automaton"]["nodes"][said[1][1]]
     assert plan["elements"][join["element"]]["type"] == "parallel_all"
 
 
@@ -208,9 +208,9 @@ def test_what_two_hold_at_once_is_marked_when_the_second_starts() -> None:
     text = (REPO / "corpus" / "rules" / "GP501" / "fail-two-voices.xml").read_text("utf-8")
     plan = only(text)
     played = plan["plays"][_finding(plan, "GP501")["play"]]
-    told = [kinds(played)[place] for place in played["story_at"]]
+    said = [kinds(played)[place] for place in played["story_at"]]
     speakers = [("STARTED", 2), ("STARTED", 4)]
-    assert told[-3:] == [*speakers, speakers[-1]]
+    assert said[-3:] == [*speakers, speakers[-1]]
 
 
 def test_sentences_that_tell_of_many_stand_at_the_last_of_them() -> None:
@@ -219,8 +219,8 @@ def test_sentences_that_tell_of_many_stand_at_the_last_of_them() -> None:
     assert played["story"][0].count("and so do 4 more") == 1
     begins = [kinds(played)[place] for place in played["story_from"]]
     assert begins == [("SUCCEEDED", 1), ("FAILED", 7), ("ENDED", -1)]
-    told = [kinds(played)[place] for place in played["story_at"]]
-    assert told == [("SUCCEEDED", 6), ("FAILED", 7), ("ENDED", -1)]
+    said = [kinds(played)[place] for place in played["story_at"]]
+    assert said == [("SUCCEEDED", 6), ("FAILED", 7), ("ENDED", -1)]
 
 
 def test_a_text_that_reads_like_a_sentence_moves_no_mark() -> None:
@@ -229,8 +229,8 @@ def test_a_text_that_reads_like_a_sentence_moves_no_mark() -> None:
     plan = only(text, SPEECH_NEVER_FAILS)
     played = plan["plays"][_finding(plan, "GP302")["play"]]
     assert "one more and two" in played["story"][1]
-    told = [kinds(played)[place] for place in played["story_at"]]
-    assert told == [*(("SUCCEEDED", number) for number in (1, 2, 3)), ("FAILED", 4), ("ENDED", -1)]
+    said = [kinds(played)[place] for place in played["story_at"]]
+    assert said == [*(("SUCCEEDED", number) for number in (1, 2, 3)), ("FAILED", 4), ("ENDED", -1)]
 
 
 def test_a_runner_that_does_not_start_and_one_that_hangs() -> None:
@@ -242,9 +242,9 @@ def test_a_runner_that_does_not_start_and_one_that_hangs() -> None:
     assert any(kind == "SILENCE" for play in stuck for kind, _ in kinds(play))
     compiled = compile_plan(parse(text).plan, start_chain=True)  # type: ignore[arg-type]
     run = play(compiled, Wanted({0: Outcome.SUCCEEDED, 1: Outcome.NO_START}))
-    told = [(record["kind"], record["node"]) for record in run.records]
-    assert ("NOT_LOADED", 2) in told
-    assert ("STARTED", 2) not in told
+    events = [(record["kind"], record["node"]) for record in run.records]
+    assert ("NOT_LOADED", 2) in events
+    assert ("STARTED", 2) not in events
     assert run.status.value == "GAVE_UP"
 
 
@@ -252,8 +252,8 @@ def test_what_is_active_at_the_end_is_stopped() -> None:
     text = f"<Plan><Control type='parallel_any'>{say('a')}{go(1, 2)}</Control></Plan>"
     compiled = compile_plan(parse(text).plan)  # type: ignore[arg-type]
     run = play(compiled, Wanted({1: Outcome.SUCCEEDED}, [(Event.SUCCEEDED, 1)]))
-    told = [(record["kind"], record["node"]) for record in run.records]
-    assert told[-3:] == [("STOPPING", 1), ("STOPPED", 1), ("ENDED", -1)]
+    events = [(record["kind"], record["node"]) for record in run.records]
+    assert events[-3:] == [("STOPPING", 1), ("STOPPED", 1), ("ENDED", -1)]
     assert run.status.value == "COMPLETED"
 
 
@@ -287,9 +287,9 @@ def test_what_an_engine_does_otherwise_is_played_on_the_engine(whole: P, engine:
     options = check_options(engine=engine)
     text = to_xml(whole)
     report = check_text(text, "plan.xml", options)
-    found = document([Viewed(text, report)], options)
-    holds(found)
-    (plan,) = found["plans"]
+    shown = document([Viewed(text, report)], options)
+    holds(shown)
+    (plan,) = shown["plans"]
     findings = worst_first(report)
     for finding, row in zip(findings, plan["findings"], strict=True):
         if finding.scenario is None or not finding.rule.startswith("GP7"):
@@ -321,10 +321,10 @@ def test_a_failure_that_comes_after_completion_is_told_and_not_played() -> None:
     text = f'<Plan>{one}<Control type="parallel_any">{both}{empty}</Control></Plan>'
     options = check_options(AnalysisOptions())
     report = check_text(text, "plan.xml", options)
-    found = document([Viewed(text, report)], options)
+    shown = document([Viewed(text, report)], options)
     late = [
         row
-        for finding, row in zip(worst_first(report), found["plans"][0]["findings"], strict=True)
+        for finding, row in zip(worst_first(report), shown["plans"][0]["findings"], strict=True)
         if finding.scenario is not None and row["play"] < 0
     ]
     assert [row["rule"] for row in late] == ["GP303"]

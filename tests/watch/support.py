@@ -67,7 +67,7 @@ class Watched:
 
 def watch(text: str, *watchers: Callable[[Watched], Callable[..., None]]) -> Watched:
     """Run a plan; each watcher is made for the run."""
-    found = Watched(text)
-    found.driver.watchers += [watcher(found) for watcher in watchers]
-    found.driver.run()
-    return found
+    watched = Watched(text)
+    watched.driver.watchers += [watcher(watched) for watcher in watchers]
+    watched.driver.run()
+    return watched

@@ -48,9 +48,9 @@ def drive(watcher: LiveTree | Lines, seconds: int) -> None:
 
 
 def test_plain_lines_tell_it_every_ten_seconds() -> None:
-    found: list[str] = []
-    drive(Lines(Watched(PLAN).words, found.append), 35)
-    assert found == [
+    actual: list[str] = []
+    drive(Lines(Watched(PLAN).words, actual.append), 35)
+    assert actual == [
         "     0.000 s  line 1  Go started",
         "    10.000 s  line 1  Go: 25.0 m left",
         "    20.000 s  line 1  Go: 15.0 m left",
@@ -59,11 +59,11 @@ def test_plain_lines_tell_it_every_ten_seconds() -> None:
 
 
 def test_verbose_lines_tell_all() -> None:
-    found: list[str] = []
-    drive(Lines(Watched(PLAN).words, found.append, detail=Detail.ALL), 3)
-    assert len(found) == 1 + 2 * 3
-    assert found[1] == "     1.000 s  line 1  Go: 2.0 m left"
-    assert found[2] == "     1.000 s  line 1  Go says: is there"
+    actual: list[str] = []
+    drive(Lines(Watched(PLAN).words, actual.append, detail=Detail.ALL), 3)
+    assert len(actual) == 1 + 2 * 3
+    assert actual[1] == "     1.000 s  line 1  Go: 2.0 m left"
+    assert actual[2] == "     1.000 s  line 1  Go says: is there"
 
 
 def test_the_tree_shows_the_last_one_while_it_acts() -> None:

@@ -111,8 +111,8 @@ def test_the_tree_is_written_as_the_real_publisher_does(real: Callable[..., list
     assert models is not None
     assert real_models is not None
     kinds = {each.get("ID"): each.tag for each in real_models}
-    known = {each.get("ID"): each.tag for each in models if each.get("ID") not in LEAVES}
-    assert known == {name: kinds[name] for name in ("AlwaysSuccess", "Fallback", "Sequence")}
+    tags = {each.get("ID"): each.tag for each in models if each.get("ID") not in LEAVES}
+    assert tags == {name: kinds[name] for name in ("AlwaysSuccess", "Fallback", "Sequence")}
     assert {each.tag for each in models if str(each.get("ID"))[0] == "C"} == set()  # none is used
 
 
@@ -337,7 +337,7 @@ def test_without_the_library_it_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "zmq", None)
     assert main(["run", tree_file, "--groot", "1667"]) == 2
-    message = "gpsfsm: --groot needs pyzmq: pip install 'gpsfsm[groot]'\n"
+    message = "gpsfsm: --groot needs pyzmq: pip install 'gpsfsm[groot]', or '.[groot]' in a clone\n"
     assert capsys.readouterr() == ("", message)
     assert main(["run", tree_file, "--failure", "0"]) == 0  # which needs none of it
 

@@ -15,7 +15,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.machine_kernel import MachineKernel
 from gpsfsm.execution.records import Input, Kind, Load, Status, Stop
 from gpsfsm.model.automaton import Signal
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.watch.groot_tree import FAILURE, IDLE, RUNNING, SUCCESS, WAS, Statuses, text_of
 from tests.cases import many

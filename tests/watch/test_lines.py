@@ -31,17 +31,17 @@ PLAN = f"""<Plan>
 
 
 def lines_of(text: str, detail: Detail = Detail.RUN) -> tuple[list[str], Watched]:
-    found: list[str] = []
+    results: list[str] = []
 
     def lines(run: Watched) -> Callable[..., None]:
-        return Lines(run.words, found.append, detail=detail)
+        return Lines(run.words, results.append, detail=detail)
 
-    return found, watch(text, lines)
+    return results, watch(text, lines)
 
 
 def test_lines_tell_what_the_plan_does() -> None:
-    found, run = lines_of(PLAN)
-    assert found == [
+    lines, run = lines_of(PLAN)
+    assert lines == [
         "     0.000 s  line  2  Go (takes=2, line=hm) started",
         "     0.000 s  line  2  Go (takes=2, line=hm) says: hm",
         "     2.000 s  line  2  Go (takes=2, line=hm) succeeded",
@@ -63,19 +63,19 @@ def test_lines_tell_what_the_plan_does() -> None:
 
 
 def test_all_events_can_be_told() -> None:
-    found, run = lines_of(PLAN, Detail.ALL)
-    assert len(found) == len(run.moments)
-    assert found[0] == "     0.000 s  the run begins"
-    assert "     0.000 s  runner a/Go is being loaded" in found
-    assert "     0.000 s  line  2  Go (takes=2, line=hm) triggered: takes=2, line='hm'" in found
-    assert found[-1].endswith("the run has ended: COMPLETED")
+    lines, run = lines_of(PLAN, Detail.ALL)
+    assert len(lines) == len(run.moments)
+    assert lines[0] == "     0.000 s  the run begins"
+    assert "     0.000 s  runner a/Go is being loaded" in lines
+    assert "     0.000 s  line  2  Go (takes=2, line=hm) triggered: takes=2, line='hm'" in lines
+    assert lines[-1].endswith("the run has ended: COMPLETED")
 
 
 def test_what_is_stopped_is_counted() -> None:
     pair = f"{runner('One')}{runner(takes='5')}"
     text = f'<Plan><Control type="parallel_any">{pair}</Control></Plan>'
-    found, run = lines_of(text)
-    assert found[-1] == "     1.000 s  line 1  Go (takes=5) stopped"
+    lines, run = lines_of(text)
+    assert lines[-1] == "     1.000 s  line 1  Go (takes=5) stopped"
     assert run.tally.summary == (
         "COMPLETED after 1.000 s: 2 started, 1 succeeded, 0 failed, 1 stopped"
     )
@@ -90,10 +90,10 @@ def test_a_timeout_is_a_failure_and_not_a_stop() -> None:
 
 def test_no_plan_writes_control_characters() -> None:
     text = f"<Plan>{runner(text='&#x202e;x', line='a&#10;b', message='&#x85;')}</Plan>"
-    found, _ = lines_of(text, Detail.ALL)
-    assert all(line.isprintable() for line in found)
-    assert any(line.endswith("says: a b") for line in found)
-    assert any("\\u202e" in line for line in found)
+    lines, _ = lines_of(text, Detail.ALL)
+    assert all(line.isprintable() for line in lines)
+    assert any(line.endswith("says: a b") for line in lines)
+    assert any("\\u202e" in line for line in lines)
 
 
 def test_every_kind_of_record_has_a_sentence() -> None:
@@ -105,10 +105,11 @@ def test_every_kind_of_record_has_a_sentence() -> None:
 
 
 @pytest.mark.parametrize(
-    ("at_us", "told"), [(0, "0.000"), (499, "0.000"), (500, "0.001"), (3_600_000_000, "3600.000")]
+    ("at_us", "message"),
+    [(0, "0.000"), (499, "0.000"), (500, "0.001"), (3_600_000_000, "3600.000")],
 )
-def test_times(at_us: int, told: str) -> None:
-    assert seconds(at_us) == told
+def test_times(at_us: int, message: str) -> None:
+    assert seconds(at_us) == message
 
 
 def test_the_status_of_an_end() -> None:
@@ -118,6 +119,6 @@ def test_the_status_of_an_end() -> None:
 def test_long_values_are_clipped() -> None:
     run = Watched(f"<Plan>{runner()}</Plan>")
     data = {f"name{number}": "x" * 1000 for number in range(50)}
-    told = run.words.sentence(Record(Kind.SUCCEEDED, 1, data=dict(data)))
-    assert len(told) < 400
-    assert told.endswith("…")
+    message = run.words.sentence(Record(Kind.SUCCEEDED, 1, data=dict(data)))
+    assert len(message) < 400
+    assert message.endswith("…")

@@ -424,12 +424,12 @@ def test_of_large_plans_only_the_changes_are_told(tmp_path: Path) -> None:
     path = str(tmp_path / "large.db")
     gpsfsm.run(str(tmp_path / "plan.xml"), world=ARENA, journal=path, durability="none")
     messages = read(recorded(path)).of("runners")
-    told = [
+    lines = [
         [(each["node"], each["state"]) for each in message.value["runners"]] for message in messages
     ]
-    assert told[0] == [(1, "ACTIVE")]
-    assert told[1] == [(1, "SUCCEEDED"), (2, "ACTIVE")]
-    assert len(told) == 202
+    assert lines[0] == [(1, "ACTIVE")]
+    assert lines[1] == [(1, "SUCCEEDED"), (2, "ACTIVE")]
+    assert len(lines) == 202
 
 
 def test_the_status_is_told_when_it_changes(journal: str) -> None:

@@ -64,15 +64,15 @@ def test_what_is_shown_is_what_was_recorded(plan: P, seed: int, cancel_us: int |
     assert states.count(State.FAILED) == tally.failed
     assert State.ACTIVE not in states
 
-    found = timeline(seen, words)
-    bars = [lane.bar for lane in found.lanes if lane.bar is not None]
+    rows = timeline(seen, words)
+    bars = [lane.bar for lane in rows.lanes if lane.bar is not None]
     assert len(bars) == count[Kind.TRIGGERED]
-    assert all(0 <= bar.triggered_us <= (bar.ended_us or 0) <= found.end_us for bar in bars)
-    assert [lane.element for lane in found.lanes] == sorted(lane.element for lane in found.lanes)
-    for row, lane in enumerate(found.lanes):
+    assert all(0 <= bar.triggered_us <= (bar.ended_us or 0) <= rows.end_us for bar in bars)
+    assert [lane.element for lane in rows.lanes] == sorted(lane.element for lane in rows.lanes)
+    for row, lane in enumerate(rows.lanes):
         if lane.cause is not None and lane.bar is not None:
-            cause = found.lanes[lane.cause].bar
+            cause = rows.lanes[lane.cause].bar
             assert cause is not None
             assert lane.cause != row
             assert cause.ended_us == lane.bar.triggered_us
-    assert etree.fromstring(to_svg(found, "x").encode()) is not None
+    assert etree.fromstring(to_svg(rows, "x").encode()) is not None

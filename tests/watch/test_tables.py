@@ -11,7 +11,7 @@ NAMED = {"name": "a.xml", "sha256": "0"}
 
 
 @pytest.mark.parametrize(
-    ("row", "told"),
+    ("row", "message"),
     [
         (QueueRow(QueueKind.SUBMITTED, 2, 1, NAMED), "a.xml is queued by plan 1"),
         (QueueRow(QueueKind.SUBMITTED, 1), "it is queued"),
@@ -47,10 +47,10 @@ NAMED = {"name": "a.xml", "sha256": "0"}
         ),
     ],
 )
-def test_every_decision_has_words(row: QueueRow, told: str) -> None:
+def test_every_decision_has_words(row: QueueRow, message: str) -> None:
     _, line = decision_lines([(1_500_000, row)])
     plan = str(row.plan) if row.plan else ""
-    assert line == f"       1       1.500 s  {plan:>5}  {row.kind.value:<12}  {told}"
+    assert line == f"       1       1.500 s  {plan:>5}  {row.kind.value:<12}  {message}"
 
 
 def test_every_kind_can_be_shown() -> None:

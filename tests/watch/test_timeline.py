@@ -36,43 +36,43 @@ def number(element: etree._Element, name: str) -> float:
 def bars(svg: etree._Element) -> list[tuple[str, float, float]]:
     """Class, begin and end of the bars in the lanes."""
     return [
-        (str(found.get("class")), number(found, "x"), number(found, "x") + number(found, "width"))
-        for found in svg.iter(f"{SVG}rect")
-        if found.find(f"{SVG}title") is not None and found.get("class") != "pause"
+        (str(each.get("class")), number(each, "x"), number(each, "x") + number(each, "width"))
+        for each in svg.iter(f"{SVG}rect")
+        if each.find(f"{SVG}title") is not None and each.get("class") != "pause"
     ]
 
 
 def test_bars_and_joins() -> None:
-    found = timeline((run := watch(PLAN)).moments, run.words)
-    assert [lane.label for lane in found.lanes] == [
+    rows = timeline((run := watch(PLAN)).moments, run.words)
+    assert [lane.label for lane in rows.lanes] == [
         "line 2  Go (takes=2)",
         "line 3  parallel_all 'both'",
         "line 4  One (takes=1, message=a <b> & c)",
         "line 5  Two (takes=30)",
         "line 7  Three (takes=4)",
     ]
-    told = [(lane.bar.outcome if lane.bar else None, lane.cause) for lane in found.lanes]
-    assert told == [
+    bars = [(lane.bar.outcome if lane.bar else None, lane.cause) for lane in rows.lanes]
+    assert bars == [
         (Kind.SUCCEEDED, None),
         (None, None),
         (Kind.FAILED, 0),
         (Kind.STOPPED, 0),
         (Kind.SUCCEEDED, 2),
     ]
-    assert [mark.summary for mark in found.lanes[1].marks] == ["one has failed"]
-    assert found.status is Status.COMPLETED
-    last = found.lanes[-1].bar
+    assert [mark.summary for mark in rows.lanes[1].marks] == ["one has failed"]
+    assert rows.status is Status.COMPLETED
+    last = rows.lanes[-1].bar
     assert last is not None
-    assert last.ended_us == found.end_us
+    assert last.ended_us == rows.end_us
     assert 3_999_990 <= last.ended_us - (last.started_us or 0) <= 4_000_010
 
 
 def test_the_picture_is_to_scale() -> None:
     run = watch(PLAN)
     svg = drawn(run)
-    found = bars(svg)
-    assert [name for name, _, _ in found] == ["ok", "bad", "stop", "ok"]
-    (_, go, go_end), (_, one, one_end), (_, two, two_end), (_, three, three_end) = found
+    spans = bars(svg)
+    assert [name for name, _, _ in spans] == ["ok", "bad", "stop", "ok"]
+    (_, go, go_end), (_, one, one_end), (_, two, two_end), (_, three, three_end) = spans
     per_second = (go_end - go) / 2
     assert one == pytest.approx(go_end, abs=0.2)
     assert one_end - one == pytest.approx(per_second, abs=0.2)
@@ -105,16 +105,14 @@ def test_it_needs_nothing_but_itself_and_follows_light_and_dark() -> None:
     assert "<script" not in text
     assert "prefers-color-scheme:dark" in text
     svg = etree.fromstring(text.encode())
-    used = {name for found in svg.iter() for name in str(found.get("class") or "").split() if name}
+    used = {name for each in svg.iter() for name in str(each.get("class") or "").split() if name}
     styled = set(re.findall(r"^\.([a-z-]+)\{", text, re.MULTILINE))
     assert used - {"label"} <= styled
 
 
 def test_every_outcome_has_a_form_of_its_own() -> None:
     svg = drawn(watch(PLAN))
-    forms = [
-        str(found.get("d")) for found in svg.iter(f"{SVG}path") if found.get("class") == "sign"
-    ]
+    forms = [str(each.get("d")) for each in svg.iter(f"{SVG}path") if each.get("class") == "sign"]
     legend = [re.sub(r"^M[\d.]+,[\d.]+", "", form) for form in forms[-4:]]
     assert len(set(legend)) == 4
 
@@ -144,10 +142,10 @@ def test_a_pause_is_a_band_and_what_is_active_stays_open() -> None:
     while run.driver.now_us() < 5_000_000:
         run.driver.advance()
     run.driver.advance()  # Next is loaded
-    found = timeline(run.moments, run.words)
-    assert found.pauses == ((1_000_000, 5_000_000),)
-    assert found.status is Status.RUNNING
-    held = found.lanes[1].bar
+    rows = timeline(run.moments, run.words)
+    assert rows.pauses == ((1_000_000, 5_000_000),)
+    assert rows.status is Status.RUNNING
+    held = rows.lanes[1].bar
     assert held is not None
     assert (held.triggered_us, held.outcome) == (2_000_000, None)
     svg = drawn(run)
@@ -159,12 +157,12 @@ def test_a_pause_is_a_band_and_what_is_active_stays_open() -> None:
 def test_very_many_lanes_are_not_drawn() -> None:
     run = Watched(f"<Plan>{runner() * (MAX_LANES + 7)}</Plan>")
     nodes = [node.index for node in run.kernel.automaton.runners]
-    found = timeline(
+    rows = timeline(
         [Moment(node, Record(Kind.TRIGGERED, node)) for node in reversed(nodes)], run.words
     )
-    assert (len(found.lanes), found.hidden) == (MAX_LANES, 7)
-    assert found.lanes[0].bar == Bar(1)
-    assert "7 more lanes are not drawn" in to_svg(found, "x")
+    assert (len(rows.lanes), rows.hidden) == (MAX_LANES, 7)
+    assert rows.lanes[0].bar == Bar(1)
+    assert "7 more lanes are not drawn" in to_svg(rows, "x")
 
 
 @pytest.mark.parametrize(

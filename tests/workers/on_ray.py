@@ -106,8 +106,8 @@ def fuzzed(jobs: int | str) -> list[tuple[str, str, list[int]]]:
     campaign = run_campaign(subject, default_properties(), runs=200, jobs=jobs)
     assert campaign.runs == 200
     return [
-        (found.broken.name, found.breach.message, list(found.run.scenario.faults))
-        for found in campaign.failures
+        (failure.broken.name, failure.breach.message, list(failure.run.scenario.faults))
+        for failure in campaign.failures
     ]
 
 

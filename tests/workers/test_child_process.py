@@ -19,7 +19,7 @@ import gpsfsm
 import gpsfsm.workers.child_process as child_module
 import gpsfsm.workers.parent_link as link_module
 from gpsfsm.workers.child_process import AsyncChildProcess, ChildProcess, child_command
-from gpsfsm.workers.frames import Gone
+from gpsfsm.workers.frames import GoneError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,9 +45,9 @@ while True:
 
 @pytest.fixture
 def child() -> Iterator[ChildProcess]:
-    found = ChildProcess([sys.executable, "-I", "-c", CODE], silent=True)
-    yield found
-    found.end()
+    child_process = ChildProcess([sys.executable, "-I", "-c", CODE], silent=True)
+    yield child_process
+    child_process.end()
 
 
 def test_answers_come_in_the_order_of_the_questions(child: ChildProcess) -> None:
@@ -57,7 +57,7 @@ def test_answers_come_in_the_order_of_the_questions(child: ChildProcess) -> None
 
 
 def test_who_has_ended_is_gone(child: ChildProcess) -> None:
-    with pytest.raises(Gone):
+    with pytest.raises(GoneError):
         child.ask({"exit": 3}, within_s=60)
 
 
@@ -99,7 +99,7 @@ def test_a_child_ends_where_there_are_no_process_groups(
 def test_who_says_what_is_no_message_is_killed() -> None:
     code = "import os, time; os.read(0, 8); os.write(1, b'\\xff' * 100); time.sleep(600)"
     child = ChildProcess([sys.executable, "-I", "-c", code], silent=True)
-    with pytest.raises(Gone):
+    with pytest.raises(GoneError):
         child.ask({}, within_s=60)
     assert child.garbled
     assert child.exit_code() == -signal.SIGKILL
@@ -110,14 +110,14 @@ def test_what_is_asked_after_the_end_is_answered_at_once(child: ChildProcess) ->
     child.ask({}, within_s=60)
     child.end()
     assert not child.alive
-    with pytest.raises(Gone):
+    with pytest.raises(GoneError):
         child.ask({}, within_s=60)
 
 
 def test_who_waits_is_told_when_another_thread_ends_it(child: ChildProcess) -> None:
     timer = threading.Timer(0.3, child.end)
     timer.start()
-    with pytest.raises(Gone):
+    with pytest.raises(GoneError):
         child.ask({"wait": True}, within_s=60)
     timer.join()
 
@@ -200,7 +200,7 @@ def test_who_announces_more_than_there_is_memory_for_is_killed(
         raise MemoryError
 
     monkeypatch.setattr(child_module, "read", too_much)
-    with pytest.raises(Gone):
+    with pytest.raises(GoneError):
         child.ask({}, within_s=60)
     assert child.garbled
     assert child.exit_code() == -signal.SIGKILL

@@ -36,10 +36,10 @@ def test_messages_arrive_as_they_were_sent(sent: list[tuple[dict[str, Any], byte
         reader = asyncio.StreamReader()
         reader.feed_data(whole)
         reader.feed_eof()
-        found = [await frames.receive(reader) for _ in sent]
+        actual = [await frames.receive(reader) for _ in sent]
         with pytest.raises(EOFError):
             await frames.receive(reader)
-        return found
+        return actual
 
     assert asyncio.run(hear()) == sent
 

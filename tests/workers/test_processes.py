@@ -25,35 +25,35 @@ from tests.lsp.test_robust import alive
 from tests.workers.works import Double
 
 
-def told(item: int | str, how: str) -> str:
+def described(item: int | str, how: str) -> str:
     return f"{item}: the process {how}"
 
 
 def test_what_ends_a_process_is_alone_without_a_result() -> None:
     items: list[int | str] = [1, "die", 2, 3, "exit", *range(4, 20)]
-    found = list(map_items(engine_of(2), Double(), items, lost=told))
+    actual = list(map_items(engine_of(2), Double(), items, lost=described))
     killed = "die: the process was ended by signal 9; the memory may have run out"
     ended = "exit: the process was ended with code 7; the memory may have run out"
-    assert found == [2, killed, 4, 6, ended, *range(8, 40, 2)]
+    assert actual == [2, killed, 4, 6, ended, *range(8, 40, 2)]
 
 
 def test_larger_chunks_are_divided() -> None:
     engine = Processes(2)
     engine.chunk_size = 8
-    found = list(map_items(engine, Double(), [*range(11), "die", *range(11)], lost=lambda *_: -1))
-    assert found == [*range(0, 22, 2), -1, *range(0, 22, 2)]
+    actual = list(map_items(engine, Double(), [*range(11), "die", *range(11)], lost=lambda *_: -1))
+    assert actual == [*range(0, 22, 2), -1, *range(0, 22, 2)]
 
 
 def test_what_takes_too_long_is_ended() -> None:
     engine = Processes(2, timeout_s=1.0)
-    found = list(map_items(engine, Double(), [1, "sleep", 2, 3], lost=told))
-    assert found == [2, "sleep: the process was ended: it took more than 1 s", 4, 6]
+    actual = list(map_items(engine, Double(), [1, "sleep", 2, 3], lost=described))
+    assert actual == [2, "sleep: the process was ended: it took more than 1 s", 4, 6]
 
 
 def test_misuse_is_raised_and_ends_all() -> None:
     engine = Processes(2)
     with pytest.raises(UsageError, match="makes no sense"):
-        list(map_items(engine, Double(), [1, "sleep", "misuse", 4], lost=told))
+        list(map_items(engine, Double(), [1, "sleep", "misuse", 4], lost=described))
     assert not engine._busy
     assert not engine._idle
 
@@ -69,7 +69,7 @@ def test_work_that_workers_cannot_import(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(Unknown, "__module__", "__main__")
     monkeypatch.setattr(sys.modules["__main__"], "Unknown", Unknown, raising=False)
     with pytest.raises(UsageError, match=r"workers cannot import what they are to do: .*Unknown"):
-        list(map_items(engine_of(2), Unknown(), range(5), lost=told))
+        list(map_items(engine_of(2), Unknown(), range(5), lost=described))
 
 
 def test_a_program_without_a_guard_is_not_run_again(tmp_path: Path) -> None:
@@ -111,9 +111,9 @@ class Hostile:
 
 
 def test_nothing_but_results_comes_back() -> None:
-    found = list(map_items(engine_of(2), Hostile(), range(8), lost=told))
+    actual = list(map_items(engine_of(2), Hostile(), range(8), lost=described))
     nonsense = "the process was ended: its answer was not a result"
-    assert found == [0, *(f"{each}: {nonsense}" for each in range(1, 6)), 6, 7]
+    assert actual == [0, *(f"{each}: {nonsense}" for each in range(1, 6)), 6, 7]
 
 
 def test_work_may_be_defined_in_the_working_folder() -> None:

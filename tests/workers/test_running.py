@@ -62,20 +62,20 @@ class Chance:
 @given(
     count=st.integers(0, 120),
     killers=st.sets(st.integers(0, 119), max_size=6),
-    known=st.sets(st.integers(0, 119), max_size=40),
+    failing=st.sets(st.integers(0, 119), max_size=40),
     sizes=st.tuples(st.integers(1, 30), st.integers(1, 5)),
     seed=st.integers(0, 1000),
 )
 def test_every_item_has_its_result_in_order(
-    count: int, killers: set[int], known: set[int], sizes: tuple[int, int], seed: int
+    count: int, killers: set[int], failing: set[int], sizes: tuple[int, int], seed: int
 ) -> None:
-    engine = Chance(seed, *sizes, killers - known)
-    items = [Settled(-item) if item in known else item for item in range(count)]
+    engine = Chance(seed, *sizes, killers - failing)
+    items = [Settled(-item) if item in failing else item for item in range(count)]
     results = list(
         map_items(engine, lambda item: 10 * item, items, lost=lambda item, how: (item, how))
     )
     expected = [
-        -item if item in known else (item, "was killed") if item in killers else 10 * item
+        -item if item in failing else (item, "was killed") if item in killers else 10 * item
         for item in range(count)
     ]
     assert results == expected
@@ -115,13 +115,13 @@ def test_items_may_depend_on_results(chunk_size: int, ahead: int, seed: int) -> 
             else:
                 yield LATER
 
-    found = []
+    actual = []
     engine = Chance(seed, chunk_size, ahead, set())
     for result in map_items(engine, lambda item: item, items(), lost=lambda item, _: item):
         open_items -= 1
-        found.append(result)
+        actual.append(result)
         todo.extend([result - 1] * result)
-    assert sorted(found, reverse=True) == [4, *[3] * 4, *[2] * 12, *[1] * 24, *[0] * 24]
+    assert sorted(actual, reverse=True) == [4, *[3] * 4, *[2] * 12, *[1] * 24, *[0] * 24]
 
 
 def test_a_chunk_that_is_lost_with_every_machine_is_divided_in_the_end() -> None:
@@ -133,10 +133,10 @@ def test_a_chunk_that_is_lost_with_every_machine_is_divided_in_the_end() -> None
                 yield chunk, Lost("was lost", with_node=True) if lost else [0] * len(chunk.items)
 
     engine = Doomed(0, 4, 1, set())
-    found = list(
+    actual = list(
         map_items(engine, lambda item: item, range(4), lost=lambda item, how: f"{item} {how}")
     )
-    assert found == [0, 0, 0, "3 was lost"]
+    assert actual == [0, 0, 0, "3 was lost"]
     assert engine.lost_with_node == 3 * (MOST_NODES + 1)  # four items, two, one
 
 

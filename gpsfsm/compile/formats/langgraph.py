@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.compile.formats import Format
 from gpsfsm.compile.formats.elements import problem
 from gpsfsm.compile.machines import Place, machine_of
-from gpsfsm.model.choice import CHOICE
+from gpsfsm.model.capability import CHOICE
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
 from gpsfsm.strict_json import strict_loads

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.compile.formats.elements import problem
 from gpsfsm.compile.machines import Place, ReadMachine, machine_of
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip

@@ -24,7 +24,7 @@ from gpsfsm.compile.formats.outcomes import is_failure
 from gpsfsm.compile.formats.scxml_regions import read_regions, runner_of
 from gpsfsm.compile.formats.scxml_writing import OWN_NAMESPACE, own_of, write_regions
 from gpsfsm.compile.machines import machine_of
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.printable import clip
 

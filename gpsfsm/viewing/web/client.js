@@ -26,7 +26,7 @@ export class ServiceError extends Error {
   }
 }
 
-// `onConnection` is told "connected", "lost" or "token", whenever that changes.
+// `onConnection` gets "connected", "lost" or "token", whenever that changes.
 // Paths begin at the service, which a reverse proxy may show below a path of its own: /plant/v1/…
 export function createClient({ onConnection, fetcher = (path, request) => fetch(beside(path), request) }) {
   /** @type {(() => void)[]} */
@@ -120,7 +120,7 @@ export function createClient({ onConnection, fetcher = (path, request) => fetch(
   }
 
   // Follows a stream until its "end" event or until `signal` says so. `after` is the number of the
-  // last event that is known already; `onEvent` is told {id, event, data} with data taken apart.
+  // last event that has arrived; `onEvent` gets {id, event, data} with data taken apart.
   /** @param {string} path @param {{after?: number | string, signal: AbortSignal, onEvent: (event: any) => void}} options */
   async function follow(path, { after = 0, signal, onEvent }) {
     let last = after;

@@ -60,12 +60,12 @@ export function onFailure(tell) {
 
 // Calls `draw` at most once per frame, however often the result is called.
 export function oncePerFrame(draw) {
-  let asked = false;
+  let isWaiting = false;
   return () => {
-    if (asked) return;
-    asked = true;
+    if (isWaiting) return;
+    isWaiting = true;
     requestAnimationFrame(() => {
-      asked = false;
+      isWaiting = false;
       draw();
     });
   };

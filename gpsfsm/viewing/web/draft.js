@@ -1,5 +1,5 @@
-// The plan that is being written: the editor, what the check says while one types, and the way from
-// a task to a plan and from a plan to a run.
+// The plan that is being written: the editor, what the check says while one types, how a
+// task becomes a plan, and how the plan is run.
 
 import { ServiceError } from "./client.js";
 import { counted, debounce, el, replaceContent, sign, visibleText } from "./dom.js";
@@ -39,8 +39,8 @@ const EXAMPLE = `<Plan name="to_the_kitchen">
 `;
 
 export function speedChoice(label, chosen, onchange) {
-  const known = RUN_SPEEDS.some(([value]) => Number(value) === chosen);
-  const rows = known ? RUN_SPEEDS : [...RUN_SPEEDS, [String(chosen), `${chosen} × real time`]];
+  const isListed = RUN_SPEEDS.some(([value]) => Number(value) === chosen);
+  const rows = isListed ? RUN_SPEEDS : [...RUN_SPEEDS, [String(chosen), `${chosen} × real time`]];
   const options = rows.map(([value, words]) => el("option", { value, selected: Number(value) === chosen }, words));
   return el("select", { "aria-label": label, title: label, onchange }, options);
 }
@@ -78,8 +78,8 @@ export function mountDraft(container, { client, service, hooks }) {
   const editor = createEditor(sheet, {
     onInput: edited,
     onCaretLine: hooks.onCaretLine,
-    onFile: (found) => {
-      name.value = nameOf(found);
+    onFile: (dropped) => {
+      name.value = nameOf(dropped);
     },
     onTrouble: hooks.onTrouble,
   });
@@ -137,21 +137,21 @@ export function mountDraft(container, { client, service, hooks }) {
     try {
       const body = { plan, name: nameOf(name.value) || "plan.xml" };
       const code = packText(plan).catch(() => ""); // an old browser packs nothing
-      const found = unpack(await client.post("/v1/view", body, { signal: controller.signal }));
+      const view = unpack(await client.post("/v1/view", body, { signal: controller.signal }));
       const packed = await code;
       if (number !== shared.number) return;
       shared.code = packed;
       link.hidden = !packed;
-      checked(found);
+      checked(view);
     } catch (error) {
       if (error.name === "AbortError" || number !== shared.number) return;
       notChecked(error, number);
     }
   }
 
-  function checked(found) {
-    shared.checked = found;
-    const [plan] = found.plans;
+  function checked(view) {
+    shared.checked = view;
+    const [plan] = view.plans;
     editor.setMarks(plan.findings.filter((each) => !each.suppressed && each.line > 0));
     const count = (severity) => plan.findings.filter((each) => !each.suppressed && each.severity === severity).length;
     const [errors, warnings] = [count("error"), count("warning")];
@@ -159,7 +159,7 @@ export function mountDraft(container, { client, service, hooks }) {
     if (errors) say(`✗ ${counted(errors, "error")}${also}`, "bad");
     else if (plan.verdict === "accepted") say(`✓ accepted${also}`, "good");
     else say("✗ undecided", "bad");
-    hooks.onDocument(found);
+    hooks.onDocument(view);
   }
 
   function notChecked(error, number) {
@@ -205,8 +205,8 @@ export function mountDraft(container, { client, service, hooks }) {
     const clock = setInterval(tell, 1000);
     tell();
     try {
-      const found = await client.post("/v1/generate", { task: wanted }, { signal: controller.signal });
-      generated(found);
+      const answer = await client.post("/v1/generate", { task: wanted }, { signal: controller.signal });
+      generated(answer);
     } catch (error) {
       if (error.name === "AbortError") say("Stopped: no plan was written.");
       else refuse(`No plan was written: ${error.message}`);
@@ -218,15 +218,15 @@ export function mountDraft(container, { client, service, hooks }) {
     }
   }
 
-  function generated(found) {
-    const attempts = `${found.attempts} ${found.attempts === 1 ? "answer" : "answers"}`;
-    if (!found.accepted) {
+  function generated(answer) {
+    const attempts = `${answer.attempts} ${answer.attempts === 1 ? "answer" : "answers"}`;
+    if (!answer.accepted) {
       say("");
-      refuse(`No plan was accepted after ${attempts}.`, found.reasoning ? [found.reasoning] : []);
+      refuse(`No plan was accepted after ${attempts}.`, answer.reasoning ? [answer.reasoning] : []);
       return;
     }
     name.value = "generated.xml";
-    replace(found.plan);
+    replace(answer.plan);
   }
 
   // The text that was there is not lost.

@@ -12,7 +12,7 @@ import { makeTabs, tabPanel } from "./tabs.js";
 import { mountPlayTimeline } from "./timeline.js";
 import { mountTree } from "./tree.js";
 
-// What somebody has chosen and folded stays when the text changes; elements are known by their paths.
+// What somebody has chosen and folded stays when the text changes; elements are identified by their paths.
 function carryOver(old, store) {
   if (!old || !old.plan || !store.plan) return;
   const pathsOf = (plan) => new Map(plan.elements.map((each, number) => [each.path, number]));
@@ -76,9 +76,9 @@ export function mountDraftStage(container) {
     store: () => shared.store,
     player: () => shared.player,
     graph: () => shared.graph,
-    show(found) {
+    show(view) {
       clear();
-      const store = found ? createStore(found) : null;
+      const store = view ? createStore(view) : null;
       if (store) carryOver(shared.store, store);
       shared.store = store;
       tell(store);

@@ -133,10 +133,10 @@ export function createEditor(container, hooks) {
     const worst = new Map();
     const pieces = [];
     const band = (line, kind) => {
-      const found = el("div", { class: `editor-band ${kind}` });
-      found.style.top = `${topOf(line) - area.scrollTop}px`;
-      found.style.height = `${heightOf(line)}px`;
-      pieces.push(found);
+      const bar = el("div", { class: `editor-band ${kind}` });
+      bar.style.top = `${topOf(line) - area.scrollTop}px`;
+      bar.style.height = `${heightOf(line)}px`;
+      pieces.push(bar);
     };
     if (shared.shown >= first && shared.shown <= last) band(shared.shown, "chosen");
     for (const mark of shared.marks) {
@@ -168,18 +168,18 @@ export function createEditor(container, hooks) {
   }
 
   function underline(mark, left, top, width) {
-    const found = el("div", { class: `editor-underline ${mark.severity}` });
-    found.style.top = `${top - area.scrollTop}px`;
-    found.style.left = `${left - area.scrollLeft}px`;
-    found.style.width = `${width}px`;
-    return found;
+    const stroke = el("div", { class: `editor-underline ${mark.severity}` });
+    stroke.style.top = `${top - area.scrollTop}px`;
+    stroke.style.left = `${left - area.scrollLeft}px`;
+    stroke.style.width = `${width}px`;
+    return stroke;
   }
 
   function sign(mark) {
     const words = `${mark.rule}: ${mark.message}`;
-    const found = el("span", { class: `editor-sign ${mark.severity}`, title: words }, SEVERITY_LETTER[mark.severity]);
-    found.style.top = `${topOf(mark.line) - area.scrollTop}px`;
-    return found;
+    const letter = el("span", { class: `editor-sign ${mark.severity}`, title: words }, SEVERITY_LETTER[mark.severity]);
+    letter.style.top = `${topOf(mark.line) - area.scrollTop}px`;
+    return letter;
   }
 
   function caretLine() {

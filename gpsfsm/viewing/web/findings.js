@@ -3,7 +3,7 @@
 import { clipText, counted, el, oncePerFrame, replaceContent, visibleText } from "./dom.js";
 import { drawEnd, markSentence, openPlayAt, scrollWithin, startPlay, storyItem } from "./playbar.js";
 import { findingCopies } from "./saving.js";
-import { SEVERITIES } from "./words.js";
+import { SEVERITIES, lineWords } from "./words.js";
 
 const FILTERS = ["error", "warning", "info", "suppressed"];
 // More are not put into the page at once: ten thousand would make it slow.
@@ -214,7 +214,7 @@ function findingItem(store, player, parts, number) {
 
 function headOf(store, finding, number, id, isOpen) {
   const rule = store.document.rules[finding.rule];
-  const place = finding.line > 0 ? `line ${finding.line}` : "";
+  const place = finding.line > 0 ? lineWords(store.plan, finding) : "";
   const { letter, word } = SEVERITIES[finding.severity] || SEVERITIES.info;
   return el(
     "button",
@@ -238,7 +238,7 @@ function headOf(store, finding, number, id, isOpen) {
 
 function playButton(store, player, finding, number, id, isPlaying) {
   const words = isPlaying ? "Close" : "Play";
-  const label = `${words} the scenario of ${finding.rule} at line ${finding.line}`;
+  const label = `${words} the scenario of ${finding.rule} at ${lineWords(store.plan, finding)}`;
   const start = () => {
     if (isPlaying) {
       store.openPlay(null);
@@ -283,7 +283,7 @@ function relatedOf(store, finding, number) {
         el(
           "button",
           { type: "button", class: "place", onclick: go(related) },
-          `line ${related.line}`,
+          lineWords(store.plan, related),
         ),
         " ",
         visibleText(related.message),

@@ -192,13 +192,13 @@ function keepEnough(occupied, from, to, need) {
 }
 
 function merged(intervals) {
-  const found = [];
+  const joined = [];
   for (const [from, to] of [...intervals].sort((one, other) => one[0] - other[0])) {
-    const last = found[found.length - 1];
+    const last = joined[joined.length - 1];
     if (last && from <= last[1]) last[1] = Math.max(last[1], to);
-    else found.push([from, to]);
+    else joined.push([from, to]);
   }
-  return found;
+  return joined;
 }
 
 // clippedRoute(route, from, to) -> the part of a line between two folded boxes (or null: it ends at a node)
@@ -219,13 +219,13 @@ function leaving(route, { x, y, width, height }) {
 }
 
 function straightened(points) {
-  const found = [];
+  const corners = [];
   for (const point of points) {
-    const [before, last] = [found[found.length - 2], found[found.length - 1]];
+    const [before, last] = [corners[corners.length - 2], corners[corners.length - 1]];
     if (last && last[0] === point[0] && last[1] === point[1]) continue;
     const onLine = (axis) => before[axis] === last[axis] && last[axis] === point[axis];
-    if (before && (onLine(0) || onLine(1))) found[found.length - 1] = point;
-    else found.push(point);
+    if (before && (onLine(0) || onLine(1))) corners[corners.length - 1] = point;
+    else corners.push(point);
   }
-  return found;
+  return corners;
 }

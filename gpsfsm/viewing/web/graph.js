@@ -99,15 +99,18 @@ class GraphPane {
     sized.observe(this.box);
     const print = () => this.print();
     const paper = matchMedia("print"); // its colours are there only when this changes
-    const printed = () => (paper.matches ? this.print() : this.printed());
+    const printed = () => this.printed();
+    const changed = () => (paper.matches ? this.print() : this.printed());
     addEventListener("beforeprint", print);
-    paper.addEventListener("change", printed);
+    addEventListener("afterprint", printed);
+    paper.addEventListener("change", changed);
     this.stops = [
       () => theme.removeEventListener("change", recolor),
       () => themed.disconnect(),
       () => sized.disconnect(),
       () => removeEventListener("beforeprint", print),
-      () => paper.removeEventListener("change", printed),
+      () => removeEventListener("afterprint", printed),
+      () => paper.removeEventListener("change", changed),
       store.subscribe(["plan"], () => this.changePlan()),
       store.subscribe(["collapsed", "layout"], (state, changed) => changed.has("plan") || this.refold()),
       store.subscribe(["element", "node", "finding"], () => this.follow()),
@@ -164,13 +167,13 @@ class GraphPane {
     const { itemOf, items } = this.picture;
     const isRunner = this.store.plan.elements[element]?.kind === "runner";
     const nodes = isRunner ? this.store.index.nodesOf(element) : [];
-    const found = new Set(nodes.map((node) => itemOf[node]).filter((item) => item >= 0));
+    const shown = new Set(nodes.map((node) => itemOf[node]).filter((item) => item >= 0));
     if (!isRunner) {
       const group = this.store.index.groupOf(element);
       const hiding = group >= 0 ? this.foldedAround(group) : -1;
-      if (hiding >= 0) found.add(items.findIndex((item) => item.group === hiding));
+      if (hiding >= 0) shown.add(items.findIndex((item) => item.group === hiding));
     }
-    return found;
+    return shown;
   }
 
   // With those of what is inside a node of a behaviour tree, which is drawn as no group.
@@ -237,12 +240,12 @@ class GraphPane {
 
   // A folded group shows the most telling state of what is in it.
   itemStates() {
-    const found = new Map();
+    const states = new Map();
     const order = ["running", "failed", "timeout", "stuck", "triggered", "waiting", "stopped", "succeeded", "fired", "never"];
     this.picture.items.forEach((item, number) => {
       if (item.node >= 0) {
         const state = this.states.get(item.node);
-        if (state) found.set(number, state);
+        if (state) states.set(number, state);
         return;
       }
       let best = order.length;
@@ -250,9 +253,9 @@ class GraphPane {
         const rank = order.indexOf(this.states.get(node)?.state);
         if (rank >= 0 && rank < best) best = rank;
       }
-      if (best < order.length) found.set(number, { state: order[best], count: 0 });
+      if (best < order.length) states.set(number, { state: order[best], count: 0 });
     });
-    return found;
+    return states;
   }
 
   // Moves the view so that a node is in its middle.
@@ -308,9 +311,9 @@ class GraphPane {
   }
 
   anchorBox(group) {
-    const found =
+    const drawn =
       this.picture.groups.find((one) => one.group === group) || this.picture.items.find((one) => one.group === group);
-    return found && found.box;
+    return drawn && drawn.box;
   }
 
   follow() {
@@ -428,15 +431,15 @@ function onToggle({ box }, point) {
 }
 
 function edgesByItem(picture) {
-  const found = new Map();
+  const edges = new Map();
   picture.edges.forEach((edge, number) => {
     for (const item of new Set([edge.source, edge.target])) {
       if (item < 0) continue;
-      if (!found.has(item)) found.set(item, []);
-      found.get(item).push(number);
+      if (!edges.has(item)) edges.set(item, []);
+      edges.get(item).push(number);
     }
   });
-  return found;
+  return edges;
 }
 
 // -- its buttons -------------------------------------------------------------------------------

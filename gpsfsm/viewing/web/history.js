@@ -107,7 +107,7 @@ export class RunHistory {
   }
 
   // The joins of a machine have each input once, and begin anew when they have fired and all have
-  // arrived, or when they are stopped. A runner is told by its own records.
+  // arrived, or when they are stopped. What a runner does is in its own records.
   _arriveInMachine(edge, frame) {
     const { target, stops } = this.automaton.edges[edge];
     if (target < 0 || this.automaton.nodes[target].kind !== "join") {
@@ -176,13 +176,13 @@ export class RunHistory {
 }
 
 function leavingEdges(automaton) {
-  const found = new Map();
+  const leaving = new Map();
   automaton.edges.forEach(({ source, event }, number) => {
     const key = `${source} ${event}`;
-    if (found.has(key)) found.get(key).push(number);
-    else found.set(key, [number]);
+    if (leaving.has(key)) leaving.get(key).push(number);
+    else leaving.set(key, [number]);
   });
-  return found;
+  return leaving;
 }
 
 // How many of some ascending numbers are at most `limit`.

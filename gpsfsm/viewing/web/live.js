@@ -9,7 +9,7 @@ import { mountDetails, mountDraftStage } from "./draftview.js";
 import { stepFinding } from "./findings.js";
 import { LINK_REFUSED, bindAddress, elementKey, elementOfKey, findingKey, findingOfKey } from "./fragment.js";
 import { bindKeys, helpDialog } from "./keys.js";
-import { goalsOf, knownWorlds } from "./map.js";
+import { goalsOf, worldMaps } from "./map.js";
 import { mountOperator } from "./operator.js";
 import { isOpen, mountRuns, statusWord } from "./runs.js";
 import { mountRunStage } from "./runview.js";
@@ -30,7 +30,7 @@ class Page {
   // Of the service, once it has been reached.
   /** @type {any} */
   service = null;
-  /** @type {ReturnType<typeof knownWorlds>} */
+  /** @type {ReturnType<typeof worldMaps>} */
   worlds;
   // Of the page, which is built then.
   /** @type {ReturnType<typeof makeTabs>} */
@@ -150,7 +150,7 @@ class Page {
     this.root.append(main, this.said);
     this.connection.describe(service);
     if (service.real) this.operator = mountOperator(this.connection.head, { client, onTrouble: (text) => this.trouble(text) });
-    this.worlds = knownWorlds(client, service, (text) => this.trouble(text));
+    this.worlds = worldMaps(client, service, (text) => this.trouble(text));
     this.side = mountSide(side, {
       onSeek: (at) => this.watch && this.watch.seek(at),
       onFail: (node) => this.stage && this.stage.fail(node),
@@ -163,7 +163,7 @@ class Page {
       client,
       service,
       hooks: {
-        onDocument: (found) => this.drafted(found),
+        onDocument: (view) => this.drafted(view),
         onCaretLine: (line) => this.draftStage.selectLine(line),
         onQueued: (answer) => this.queued(answer),
         onWorld: () => this.shown === "draft" && this.showDraftWorld(),
@@ -291,12 +291,13 @@ class Page {
 
   // -- the draft ------------------------------------------------------------------------------
 
-  drafted(found) {
-    this.draftDocument = found;
-    const store = this.draftStage.show(found);
+  drafted(view) {
+    this.draftDocument = view;
+    const store = this.draftStage.show(view);
     if (store) {
       store.subscribe(["element", "line", "finding"], (state) => this.selected(store, state));
-      if (this.draft.code()) store.link = (place) => this.address.link({ draft: this.draft.code(), finding: findingKey(store.plan, place) });
+      const draft = this.draft.code(); // of the text that was checked, which may have changed since
+      if (draft) store.link = (place) => this.address.link({ draft, finding: findingKey(store.plan, place) });
     }
     if (this.shown === "draft") {
       this.showPlan(store, this.draftPlayer());
@@ -332,23 +333,23 @@ class Page {
   async queued(answer) {
     this.opening += 1;
     const ticket = this.opening;
-    let found = answer;
-    let told = false;
-    while (found.run === null && isOpen(found.status) && ticket === this.opening) {
-      if (!told && found.status === "QUEUED" && found !== answer) {
-        this.trouble(`Plan ${found.plan_id} is waiting in the queue.`);
-        told = true;
+    let plan = answer;
+    let isSaid = false;
+    while (plan.run === null && isOpen(plan.status) && ticket === this.opening) {
+      if (!isSaid && plan.status === "QUEUED" && plan !== answer) {
+        this.trouble(`Plan ${plan.plan_id} is waiting in the queue.`);
+        isSaid = true;
       }
       await new Promise((done) => setTimeout(done, QUEUE_POLL_MS));
       try {
-        found = await this.client.get(`/v1/plans/${answer.plan_id}`);
+        plan = await this.client.get(`/v1/plans/${answer.plan_id}`);
       } catch (error) {
         if (error.status !== 0 && error.status < 500) return;
       }
     }
     if (ticket !== this.opening) return;
-    if (found.run === null) this.trouble(`The plan did not run: ${found.reason || found.status}.`);
-    else await this.openRun(found.run, { follow: true });
+    if (plan.run === null) this.trouble(`The plan did not run: ${plan.reason || plan.status}.`);
+    else await this.openRun(plan.run, { follow: true });
   }
 
   // `beside`: the run whose plan it goes on from is shown too; `follow`: if it gives up, the one that
@@ -575,8 +576,8 @@ function attemptLine(attempt) {
   return `Answer ${attempt.round}: refused, ${first}${more}`;
 }
 
-// Looks until it is decided whether another plan goes on from here. onNext(run) is told its run, if
-// that is to be followed; who looks at a past run stays there.
+// Looks until it is decided whether another plan goes on from here. onNext(run) is called with its run,
+// if that is to be followed; who looks at a past run stays there.
 // -> {look, stop}; `look` looks at once.
 export function watchRegeneration({ client, watch, follow, service, tell, onNext }) {
   const shared = { timer: 0, stopped: false, looking: false };
@@ -597,14 +598,14 @@ export function watchRegeneration({ client, watch, follow, service, tell, onNext
   }
 
   // Whether nothing more will come.
-  function show(found) {
+  function show(run) {
     if (shared.stopped) return true;
-    const { regeneration } = found;
-    if (found.continued_by_run) {
+    const { regeneration } = run;
+    if (run.continued_by_run) {
       const attempts = regeneration ? regeneration.attempts.map(attemptLine) : [];
-      tell(`The plan gave up; run ${found.continued_by_run} continues from here.`, attempts);
-      watch.info.continued_by_run = found.continued_by_run;
-      if (follow) onNext(found.continued_by_run);
+      tell(`The plan gave up; run ${run.continued_by_run} continues from here.`, attempts);
+      watch.info.continued_by_run = run.continued_by_run;
+      if (follow) onNext(run.continued_by_run);
       return true;
     }
     if (!regeneration) return !service.regenerates;

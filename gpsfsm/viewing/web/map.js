@@ -61,7 +61,7 @@ function pathOf(view, points) {
   return points.map(([x, y], i) => `${i ? "L" : "M"}${view.x(x).toFixed(1)} ${view.y(y).toFixed(1)}`).join("");
 }
 
-// Finds free room for labels: the first side of a thing where its label covers no other, and none of
+// Finds free room for labels: the first side of a mark where its label covers no other, and none of
 // the signs at `points`; it crosses the walls of the world only if there is no other room.
 function labelPlacer(width, height, points, inner) {
   const taken = points.map(([x, y]) => ({ x: x - 6, y: y - 8, width: 12, height: 14 }));
@@ -123,7 +123,7 @@ function patterns() {
   return svg("defs", {}, hatch("map-shut", "map-shut"), hatch("map-low", "map-low"), svg("clipPath", { id: "map-clip" }));
 }
 
-// Goals are {x, y, text, element}: where runners of the plan drive to. onElement(element) is told when
+// Goals are {x, y, text, element}: where runners of the plan drive to. onElement(element) is called when
 // one is clicked.
 /** @param {HTMLElement} container @param {{onElement?: (element: number) => void}} hooks */
 export function createMap(container, { onElement = () => {} } = {}) {
@@ -178,10 +178,10 @@ export function createMap(container, { onElement = () => {} } = {}) {
       const mark = svg("path", { class: "map-place", d: `M${x} ${y}l-4.5 -9a5 5 0 1 1 9 0z` }, svg("title", {}, each.name));
       return [mark, label(place(x, y - 6, each.name, 8), each.name, "place")];
     });
-    const things = world.things.map((each) => {
+    const objects = world.things.map((each) => {
       const [x, y] = [view.x(each.x), view.y(each.y)];
-      const mark = svg("path", { class: "map-thing", d: `M${x} ${y - 5}l5 5l-5 5l-5 -5z` }, svg("title", {}, each.name));
-      return [mark, label(place(x, y, each.name, 8), each.name, "thing")];
+      const mark = svg("path", { class: "map-object", d: `M${x} ${y - 5}l5 5l-5 5l-5 -5z` }, svg("title", {}, each.name));
+      return [mark, label(place(x, y, each.name, 8), each.name, "object")];
     });
     replaceContent(picture.querySelector("#map-clip"), boxOf(view, world.area, {}));
     replaceContent(
@@ -191,7 +191,7 @@ export function createMap(container, { onElement = () => {} } = {}) {
       world.obstacles.filter((each) => each.from_us === undefined && each.until_us === undefined).map(obstacle),
       zones,
       places,
-      things,
+      objects,
       shared.goals.map(goal),
     );
   }
@@ -336,22 +336,22 @@ export function createMap(container, { onElement = () => {} } = {}) {
 
 // -- the maps of the worlds that a run can begin in; each is requested once ----------------------
 
-// knownWorlds(client, service, trouble) -> {geometry}: a map, or null where there is none
-export function knownWorlds(client, service, trouble) {
-  const found = new Map();
+// worldMaps(client, service, trouble) -> {geometry}: a map, or null where there is none
+export function worldMaps(client, service, trouble) {
+  const geometries = new Map();
   return {
     async geometry(name) {
       const world = service.worlds.find((each) => each.world === name);
       if (!world || !world.simulated) return null;
-      if (!found.has(name)) {
+      if (!geometries.has(name)) {
         try {
-          found.set(name, await client.get(`/v1/worlds/${encodeURIComponent(name)}`));
+          geometries.set(name, await client.get(`/v1/worlds/${encodeURIComponent(name)}`));
         } catch (error) {
           trouble(`The map of ${name} cannot be shown: ${error.message}.`);
           return null;
         }
       }
-      return found.get(name);
+      return geometries.get(name);
     },
   };
 }
@@ -366,15 +366,15 @@ const MOST = 200;
 // Goals {x, y, text, element} in the order of the plan, a place that is named twice once.
 export function goalsOf(plan) {
   if (!plan) return [];
-  const found = new Map();
+  const goals = new Map();
   plan.elements.forEach((each, element) => {
-    if (each.kind !== "runner" || found.size >= MOST) return;
+    if (each.kind !== "runner" || goals.size >= MOST) return;
     const [x, y] = [X.exec(each.detail), Y.exec(each.detail)];
     if (!x || !y) return;
     const place = `${Number(x[1])} ${Number(y[1])}`;
-    if (!found.has(place)) {
-      found.set(place, { x: Number(x[1]), y: Number(y[1]), text: `${each.label}, line ${each.line}`, element });
+    if (!goals.has(place)) {
+      goals.set(place, { x: Number(x[1]), y: Number(y[1]), text: `${each.label}, line ${each.line}`, element });
     }
   });
-  return [...found.values()];
+  return [...goals.values()];
 }

@@ -19,7 +19,7 @@ export function mountOperator(head, { client, onTrouble }) {
   head.after(banner);
   const shared = { drawn: "", trouble: "", stopping: false, looking: false, again: false };
 
-  // It goes its own way: whatever else the page waits for does not hold it up.
+  // It runs by itself: whatever else the page waits for does not hold it up.
   async function stop() {
     shared.stopping = true;
     shared.trouble = "";

@@ -139,8 +139,8 @@ const cuts = new WeakMap();
 export function cutAt(picture, zoom) {
   const kept = cuts.get(picture);
   if (kept && kept.zoom === zoom) return kept;
-  const found = blocksOf(picture, zoom);
-  const { blocks, hiding, inside } = areNamed(found.blocks, zoom) ? { ...found, inside: new Map() } : inRuns(picture, zoom, found);
+  const uncut = blocksOf(picture, zoom);
+  const { blocks, hiding, inside } = areNamed(uncut.blocks, zoom) ? { ...uncut, inside: new Map() } : inRuns(picture, zoom, uncut);
   const blockOf = (item) => inside.get(item) ?? hiding.get(picture.items[item]?.parent) ?? -1;
   const edges = picture.edges.filter(({ source, target }) => {
     const around = blockOf(source);
@@ -223,7 +223,7 @@ function namesOf({ label, last }) {
 
 // The name, or else the line, of a control.
 function nameOf(label) {
-  const [, name = label] = /“(.+)”/.exec(label) || /\((line \d+)\)$/.exec(label) || [];
+  const [, name = label] = /“(.+)”/.exec(label) || /\((line [\d:]+)\)$/.exec(label) || [];
   return name;
 }
 

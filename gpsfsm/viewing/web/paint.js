@@ -380,9 +380,9 @@ export function paintRun(context, picture, view, colors, { states, taken, isShow
     paintStatesFar(context, picture, view, colors, states);
     return;
   }
-  for (const [number, found] of states) {
+  for (const [number, status] of states) {
     const item = picture.items[number];
-    if (item && inView(item.box, view)) paintState(context, item, view, colors, found);
+    if (item && inView(item.box, view)) paintState(context, item, view, colors, status);
   }
 }
 
@@ -459,22 +459,22 @@ function paintStatesFar(context, picture, view, colors, states) {
   context.globalAlpha = 1;
 }
 
-export function paintState(context, item, view, colors, found) {
-  const name = found ? found.state : "idle";
+export function paintState(context, item, view, colors, status) {
+  const name = status ? status.state : "idle";
   const state = STATES[name];
   if (!state || !state.color) return;
   const strength = name === "never" ? 0.1 : 0.28;
   const color = colors[stateColor(item, name)];
   const tint = { color, strength, dashed: name === "never" || name === "stopped" };
   paintItem(context, item, view, colors, tint);
-  paintMark(context, item, colors, found);
+  paintMark(context, item, colors, status);
 }
 
 // The sign of its state; brackets around what is selected do not hide it.
-function paintMark(context, item, colors, found) {
-  const state = STATES[found?.state];
-  if (!state?.color || found.state === "never") return;
-  stateMark(context, item, { ...colors, "--mark": colors[stateColor(item, found.state)] }, state, found);
+function paintMark(context, item, colors, status) {
+  const state = STATES[status?.state];
+  if (!state?.color || status.state === "never") return;
+  stateMark(context, item, { ...colors, "--mark": colors[stateColor(item, status.state)] }, state, status);
 }
 
 // A failure that was collected or has ended the plan is no success.
@@ -484,9 +484,9 @@ function stateColor(item, name) {
   return STATES[name].color;
 }
 
-function stateMark(context, item, colors, state, found) {
-  const isWaiting = found.state === "waiting";
-  const sign = isWaiting ? `${found.count}/${item.need}` : state.sign;
+function stateMark(context, item, colors, state, status) {
+  const isWaiting = status.state === "waiting";
+  const sign = isWaiting ? `${status.count}/${item.need}` : state.sign;
   if (!sign) return;
   const half = isWaiting ? 8 + 2.5 * sign.length : 9;
   const isWide = item.kind === "runner" || item.kind === "folded";

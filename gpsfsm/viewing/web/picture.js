@@ -151,9 +151,9 @@ function straightLine(items, { source, target }) {
 }
 
 function cornersOf(flat) {
-  const found = [];
-  for (let at = 0; at < flat.length; at += 2) found.push([flat[at], flat[at + 1]]);
-  return found;
+  const points = [];
+  for (let at = 0; at < flat.length; at += 2) points.push([flat[at], flat[at + 1]]);
+  return points;
 }
 
 // -- edges that end in one line: each is drawn up to where it meets one that is there already, since
@@ -185,14 +185,14 @@ function cutStart(route, drawn, key) {
     const sign = Math.sign(to[axis] - from[axis]);
     const length = Math.abs(to[axis] - from[axis]);
     const line = `${key} ${from[0]} ${from[1]} ${axis} ${sign}`;
-    const known = drawn.get(line) ?? 0;
-    if (known < length) {
+    const reach = drawn.get(line) ?? 0;
+    if (reach < length) {
       drawn.set(line, length);
       const begin = [...from];
-      begin[axis] += sign * known;
+      begin[axis] += sign * reach;
       return [begin, ...route.slice(at + 1)];
     }
-    if (known > length) return at + 2 < route.length ? route.slice(at + 1) : route;
+    if (reach > length) return at + 2 < route.length ? route.slice(at + 1) : route;
   }
   return route;
 }
@@ -205,15 +205,15 @@ function cutRoute(route, drawn, key) {
     const axis = from[0] === to[0] ? 1 : 0;
     const length = from[axis] - to[axis];
     const line = `${key} ${to[0]} ${to[1]} ${axis} ${Math.sign(length)}`;
-    const known = drawn.get(line);
-    if (known === undefined) {
+    const reach = drawn.get(line);
+    if (reach === undefined) {
       drawn.set(line, Math.abs(length));
       continue;
     }
-    if (Math.abs(length) <= known) return at > 0 ? route.slice(0, at + 1) : null;
+    if (Math.abs(length) <= reach) return at > 0 ? route.slice(0, at + 1) : null;
     drawn.set(line, Math.abs(length));
     const meeting = [...to];
-    meeting[axis] += Math.sign(length) * known;
+    meeting[axis] += Math.sign(length) * reach;
     return [...route.slice(0, at + 1), meeting];
   }
   return null;

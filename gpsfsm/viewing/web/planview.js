@@ -7,7 +7,7 @@ import { mountGraph } from "./graph.js";
 import { bindPlayer, mountStoreBar, openPlayAt } from "./playbar.js";
 import { planCopies } from "./saving.js";
 import { mountSource } from "./source.js";
-import { mountSplitter } from "./tabs.js";
+import { makeTabs, mountSplitter, tabPanel } from "./tabs.js";
 import { mountPlayTimeline } from "./timeline.js";
 import { mountTree } from "./tree.js";
 
@@ -15,17 +15,22 @@ import { mountTree } from "./tree.js";
 //   tell(text): a pane could not be made; the others are there all the same
 export function planStage(container, store, tell) {
   const boxes = {
-    findings: el("div", { class: "tab-body", role: "tabpanel", id: "panel-findings", "aria-labelledby": "tab-findings" }),
-    tree: el("div", { class: "tab-body", role: "tabpanel", id: "panel-tree", "aria-labelledby": "tab-tree", hidden: true }),
+    findings: tabPanel("findings", "tab", { class: "tab-body" }),
+    tree: tabPanel("tree", "tab", { class: "tab-body", hidden: true }),
     graph: el("section", { class: "pane pane-graph", "aria-label": "Automaton" }),
     source: el("section", { class: "pane pane-source", "aria-label": "Text" }),
   };
-  const tabs = { findings: tabButton("findings", "Findings"), tree: tabButton("tree", "Tree") };
+  const showPanel = (name) => {
+    boxes.findings.hidden = name !== "findings";
+    boxes.tree.hidden = name !== "tree";
+  };
+  const entries = [["findings", "Findings"], ["tree", "Tree"]];
+  const { list, buttons, choose } = makeTabs(entries, showPanel, { label: "Findings or tree", prefix: "tab" });
   const panes = el("div", { class: "panes" });
   const left = el(
     "section",
     { class: "pane pane-left", "aria-label": "Findings and tree" },
-    el("div", { class: "tabs", role: "tablist", "aria-label": "Findings or tree" }, Object.values(tabs)),
+    list,
     boxes.findings,
     boxes.tree,
   );
@@ -52,35 +57,10 @@ export function planStage(container, store, tell) {
   boxes.source.append(el("div", { class: "pane-head" }, "Text", planCopies(store)));
   mount("source", () => mountSource(boxes.source, store));
 
-  function choose(name) {
-    for (const [each, tab] of Object.entries(tabs)) {
-      tab.setAttribute("aria-selected", String(each === name));
-      tab.tabIndex = each === name ? 0 : -1;
-      boxes[each].hidden = each !== name;
-    }
-  }
-
-  function tabButton(name, word) {
-    return el(
-      "button",
-      {
-        type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `panel-${name}`,
-        onclick: () => choose(name),
-        onkeydown: (event) => {
-          if (event.key !== "ArrowLeft" && event.key !== "ArrowRight") return;
-          const other = name === "tree" ? "findings" : "tree";
-          choose(other);
-          tabs[other].focus();
-        },
-      },
-      word,
-    );
-  }
-
   function count() {
     const { length } = store.plan.findings.filter((finding) => !finding.suppressed);
-    tabs.findings.textContent = `Findings ${length}`;
-    tabs.tree.textContent = `Tree ${grouped(store.plan.elements.length)}`;
+    buttons[0].textContent = `Findings ${length}`;
+    buttons[1].textContent = `Tree ${grouped(store.plan.elements.length)}`;
   }
 
   function open() {
@@ -94,7 +74,7 @@ export function planStage(container, store, tell) {
     player,
     graph: made.graph || { fit() {}, showSelection() {} },
     focus(name) {
-      if (tabs[name]) choose(name);
+      if (name === "findings" || name === "tree") choose(name);
       if (made[name] && made[name].focus) made[name].focus();
       else if (made[name]) made[name].element.focus();
     },

@@ -51,7 +51,7 @@ export function bindPlayer(store) {
 
 const END_NODES = { COMPLETED: "complete", GAVE_UP: "give_up" };
 
-// The node of which something was told last, or at which the run has ended.
+// The node of the last sentence, or at which the run has ended.
 function lastNode({ position, history }) {
   for (let place = position - 1; place >= 0; place -= 1) {
     const { kind, node = -1, data } = history.records[place];

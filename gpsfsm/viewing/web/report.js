@@ -104,7 +104,7 @@ class ReportPage {
     const isOfTask = store.state.playOrigin?.kind === "task";
     const isPlayed = play && (isOfTask || store.plan.plays[store.plan.findings[number]?.play] === play);
     // A finding has chosen its element already, and a play goes from one to the next.
-    const isOwn = play || store.plan.findings[number]?.element === store.state.element ;
+    const isOwn = play || store.plan.findings[number]?.element === store.state.element;
     return {
       plan: this.first === "plan" ? undefined : store.state.plan + 1,
       finding: findingKey(store.plan, number),
@@ -153,15 +153,15 @@ class ReportPage {
     }
     if (index !== store.state.finding) store.selectFinding(index);
     const played = play ? store.plan.task?.play : store.plan.findings[index]?.play;
-    const found = step && player ? store.plan.plays[played] || null : null;
-    if (found !== store.state.play) {
-      store.openPlay(found, play ? { kind: "task", index: 0 } : { kind: "finding", index });
+    const scenario = step && player ? store.plan.plays[played] || null : null;
+    if (scenario !== store.state.play) {
+      store.openPlay(scenario, play ? { kind: "task", index: 0 } : { kind: "finding", index });
     }
-    if (found) {
+    if (scenario) {
       player.pause();
       player.seekStep(Number(step));
     }
-    return (!key || index >= 0) && (found ? Number(step) <= player.progress.of : !step && !play);
+    return (!key || index >= 0) && (scenario ? Number(step) <= player.progress.of : !step && !play);
   }
 
   refuse() {
@@ -190,13 +190,13 @@ class ReportPage {
     this.tabs = views.map(([view, word]) =>
       el("button", { type: "button", dataset: { view }, onclick: () => this.show(view) }, word),
     );
-    const found = el("div", { class: "search-place of-plan" });
+    const searchBox = el("div", { class: "search-place of-plan" });
     const head = el(
       "header",
       { class: "top" },
       el("h1", { class: "brand" }, "gpsfsm"),
       views.length > 1 ? el("nav", { class: "views", "aria-label": "Views" }, this.tabs) : null,
-      this.chooser || this.name, this.verdict, this.facts, found,
+      this.chooser || this.name, this.verdict, this.facts, searchBox,
       el(
         "div",
         { class: "tools" },
@@ -208,7 +208,7 @@ class ReportPage {
         ),
       ),
     );
-    this.search = mountSearch(found, this.store);
+    this.search = mountSearch(searchBox, this.store);
     return head;
   }
 

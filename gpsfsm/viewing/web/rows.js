@@ -59,8 +59,8 @@ export function virtualRows(scroller, { rowHeight, row, classes, update = () => 
 
   function restyle() {
     for (const [number, made] of drawn) {
-      const found = classes(number);
-      if (made.className !== found) made.className = found;
+      const names = classes(number);
+      if (made.className !== names) made.className = names;
       update(made, number);
     }
   }

@@ -29,9 +29,9 @@ export function statusWord(status) {
 }
 
 export function statusBadge(status) {
-  const known = STATUSES[status] || { sign: "", word: status.toLowerCase(), kind: "open" };
-  const sign = el("span", { class: "badge-sign", "aria-hidden": "true" }, known.sign);
-  return el("span", { class: `run-badge ${known.kind}`, dataset: { status } }, sign, ` ${known.word}`);
+  const words = STATUSES[status] || { sign: "", word: status.toLowerCase(), kind: "open" };
+  const sign = el("span", { class: "badge-sign", "aria-hidden": "true" }, words.sign);
+  return el("span", { class: `run-badge ${words.kind}`, dataset: { status } }, sign, ` ${words.word}`);
 }
 
 // In which world a run was, or is; `drawn` for none.
@@ -76,7 +76,7 @@ function row(run, chosen, onOpen) {
   );
 }
 
-// mountRuns(container, {client, onOpen}) -> {refresh, choose}; onOpen(run) is told a number.
+// mountRuns(container, {client, onOpen}) -> {refresh, choose}; onOpen(run) is called with a number.
 export function mountRuns(container, { client, onOpen }) {
   const list = el("ol", { class: "run-list", "aria-label": "Runs, newest first" });
   const more = el("button", { class: "button", type: "button", hidden: true }, "Older runs");
@@ -102,11 +102,11 @@ export function mountRuns(container, { client, onOpen }) {
     }
     shared.asking = true;
     try {
-      const found = await client.get(`/v1/runs?most=${RUNS_AT_ONCE}`);
-      const oldest = found.runs.length ? found.runs[found.runs.length - 1].run : 0;
+      const page = await client.get(`/v1/runs?most=${RUNS_AT_ONCE}`);
+      const oldest = page.runs.length ? page.runs[page.runs.length - 1].run : 0;
       const older = shared.runs.filter((run) => run.run < oldest);
-      if (!older.length) shared.next = found.next;
-      shared.runs = [...found.runs, ...older];
+      if (!older.length) shared.next = page.next;
+      shared.runs = [...page.runs, ...older];
       draw();
     } catch (error) {
       note.textContent = `The runs could not be read: ${error.message}.`;
@@ -122,9 +122,9 @@ export function mountRuns(container, { client, onOpen }) {
   more.addEventListener("click", async () => {
     more.disabled = true;
     try {
-      const found = await client.get(`/v1/runs?most=${RUNS_AT_ONCE}&before=${shared.next}`);
-      shared.runs.push(...found.runs);
-      shared.next = found.next;
+      const page = await client.get(`/v1/runs?most=${RUNS_AT_ONCE}&before=${shared.next}`);
+      shared.runs.push(...page.runs);
+      shared.next = page.next;
       draw();
     } catch (error) {
       note.textContent = `Older runs could not be read: ${error.message}.`;

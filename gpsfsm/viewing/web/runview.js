@@ -182,15 +182,15 @@ export function mountRunStage(container, { watch, previous, hooks }) {
   }
 
   function replayParts() {
-    const found = {
+    const buttons = {
       start: button(sign("start"), "To the start", () => watch.seek(0)),
       back: button(sign("back"), "Previous event", () => watch.step(-1)),
       play: button(sign("play"), "Replay the run", () => watch.replay()),
       on: button(sign("on"), "Next event", () => watch.step(1)),
       live: button([sign("now"), "Live"], "Live: follow the run", () => watch.attach(), { class: "button live-button" }),
     };
-    replaceContent(replay, Object.values(found));
-    return found;
+    replaceContent(replay, Object.values(buttons));
+    return buttons;
   }
 
   // What has begun last, or the end.
@@ -212,12 +212,12 @@ export function mountRunStage(container, { watch, previous, hooks }) {
     container.classList.toggle("looking-back", watch.running && !watch.attached);
   }
 
-  function drawButton(found, icon, words, title) {
-    if (found.title === title && found.dataset.icon === icon) return;
-    found.dataset.icon = icon;
-    found.title = title;
-    found.setAttribute("aria-label", title);
-    replaceContent(found, sign(icon), words);
+  function drawButton(target, icon, words, title) {
+    if (target.title === title && target.dataset.icon === icon) return;
+    target.dataset.icon = icon;
+    target.title = title;
+    target.setAttribute("aria-label", title);
+    replaceContent(target, sign(icon), words);
   }
 
   function update(what) {

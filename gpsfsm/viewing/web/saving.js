@@ -10,6 +10,7 @@ const LONGEST_SIDE = 8192;
 const LONGEST_NAME = 80;
 const KEPT_MS = 20_000;
 const SAID_MS = 1500;
+const CONTROL = /[\x00-\x1f\x7f-\x9f]/; // a terminal would obey it
 
 // savedPart(pane) -> {left, top, width, height, zoom}: the whole picture, or what is in view of it.
 export function savedPart({ camera, picture }) {
@@ -134,8 +135,9 @@ export function findingText(store, number) {
   const { line, column, severity, rule, message, hint, related } = plan.findings[number];
   const place = (at) => (at > 0 ? `${plan.name}:${at}` : plan.name);
   const head = line > 0 && column > 0 ? `${place(line)}:${column}` : place(line);
+  const words = [severity, rule, rules[rule]?.name].filter(Boolean).join(" ");
   return [
-    `${head}: ${severity} ${rule} ${rules[rule]?.name || ""}: ${message}`.replace(" :", ":"),
+    `${head}: ${words}: ${message}`,
     ...(hint ? [`  hint: ${hint}`] : []),
     ...related.map((one) => `  ${place(one.line)}: ${one.message}`),
     "",
@@ -166,16 +168,21 @@ export function findingCopies(store, number) {
   );
 }
 
-// Of a plan: its text, and the command that checks it in the same way, where that is known.
+// Of a plan: its text, and the command that checks it in the same way, where the page has its options.
+// There is none for a name with control characters, with which a terminal does something else.
 export function planCopies(store) {
   const { check } = store.document;
-  return el(
-    "span",
-    { class: "copies" },
-    copyButton("Copy", "Copy the text of the plan", () => store.plan.source || ""),
-    check !== undefined &&
-      copyButton("Copy command", "Copy command: it checks this plan in the same way", () => checkCommand(store.plan.name, check)),
-  );
+  const copies = el("span", { class: "copies" }, copyButton("Copy", "Copy the text of the plan", () => store.plan.source || ""));
+  if (check === undefined) return copies;
+  const title = "Copy command: it checks this plan in the same way";
+  const command = copyButton("Copy command", title, () => checkCommand(store.plan.name, check));
+  const show = () => {
+    command.hidden = CONTROL.test(store.plan.name);
+  };
+  copies.append(command);
+  store.subscribe(["plan"], show);
+  show();
+  return copies;
 }
 
 // "gpsfsm check --engine ros1 'door check.xml'"

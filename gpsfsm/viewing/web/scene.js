@@ -4,25 +4,25 @@
 // the order of their times, while it goes on or all at once, and answers for every instant; so a run
 // that is scrubbed to and fro shows what it showed while it went on.
 
-const LONGEST_TRAIL = 300; // ways
+const LONGEST_TRAIL = 300; // legs
 const LINGER_US = 1.5e6; // how long words can be read after they have been said
 const ENDS_OF_SPEECH = new Set(["SUCCEEDED", "FAILED", "STOPPED", "TIMEOUT"]);
 
-// The place and heading of the robot after `part` metres along a way.
-function alongWay(way, part) {
-  const { points, along } = way;
+// The place and heading of the robot after `part` metres along a leg.
+function alongLeg(leg, part) {
+  const { points, along } = leg;
   if (points.length === 1) {
-    return { x: points[0][0], y: points[0][1], yaw: way.yaw };
+    return { x: points[0][0], y: points[0][1], yaw: leg.yaw };
   }
-  let leg = 1;
-  while (leg < points.length - 1 && along[leg] < part) {
-    leg += 1;
+  let corner = 1;
+  while (corner < points.length - 1 && along[corner] < part) {
+    corner += 1;
   }
-  const [ax, ay] = points[leg - 1];
-  const [bx, by] = points[leg];
-  const length = along[leg] - along[leg - 1];
-  const share = length > 0 ? Math.min(1, Math.max(0, (part - along[leg - 1]) / length)) : 1;
-  const yaw = length > 0 ? Math.atan2(by - ay, bx - ax) : way.yaw;
+  const [ax, ay] = points[corner - 1];
+  const [bx, by] = points[corner];
+  const length = along[corner] - along[corner - 1];
+  const share = length > 0 ? Math.min(1, Math.max(0, (part - along[corner - 1]) / length)) : 1;
+  const yaw = length > 0 ? Math.atan2(by - ay, bx - ax) : leg.yaw;
   return { x: ax + (bx - ax) * share, y: ay + (by - ay) * share, yaw };
 }
 
@@ -51,14 +51,14 @@ export function lastUntil(list, at) {
   return low - 1;
 }
 
-// A way that is driven, or a place where the robot stays: where it is at a time.
-function poseOn(way, at) {
-  const whole = way.along[way.along.length - 1];
-  const duration = way.until_us - way.at_us;
+// A leg that is driven, or a place where the robot stays: where it is at a time.
+function poseOn(leg, at) {
+  const whole = leg.along[leg.along.length - 1];
+  const duration = leg.until_us - leg.at_us;
   if (duration <= 0 || whole <= 0) {
-    return alongWay(way, whole);
+    return alongLeg(leg, whole);
   }
-  return alongWay(way, (whole * (at - way.at_us)) / duration);
+  return alongLeg(leg, (whole * (at - leg.at_us)) / duration);
 }
 
 function holds(window, at) {
@@ -91,8 +91,8 @@ function grown(area, { x, y }) {
   const low = (value) => Math.floor((value - MARGIN) / STEP) * STEP;
   const high = (value) => Math.ceil((value + MARGIN) / STEP) * STEP;
   const [x0, y0, x1, y1] = area || [Infinity, Infinity, -Infinity, -Infinity];
-  const found = [Math.min(x0, low(x)), Math.min(y0, low(y)), Math.max(x1, high(x)), Math.max(y1, high(y))];
-  return area && found.every((each, i) => each === area[i]) ? area : found;
+  const wider = [Math.min(x0, low(x)), Math.min(y0, low(y)), Math.max(x1, high(x)), Math.max(y1, high(y))];
+  return area && wider.every((each, i) => each === area[i]) ? area : wider;
 }
 
 function isSpeech(record) {
@@ -101,9 +101,9 @@ function isSpeech(record) {
 }
 
 // Windows of time in seconds of the world become microseconds of a run that began at `begun_s`.
-function inRun(things, begun_s) {
+function inRun(entries, begun_s) {
   const us = (time) => (time === null || time === undefined ? undefined : (time - begun_s) * 1e6);
-  return things.map((each) => ({
+  return entries.map((each) => ({
     ...each,
     from_us: each.from_s ? us(each.from_s) : undefined,
     until_us: us(each.until_s),
@@ -122,16 +122,16 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
   };
   const [x, y, yaw] = pose || [robot.x, robot.y, robot.yaw];
   const open = geometry.area === null;
-  const ways = open ? [] : [{ at_us: -Infinity, until_us: -Infinity, points: [[x, y]], along: [0], yaw }];
+  const legs = open ? [] : [{ at_us: -Infinity, until_us: -Infinity, points: [[x, y]], along: [0], yaw }];
   const words = []; // {at_us, until_us, who, text, kind, x, y}
   const turns = []; // {at_us, zone, closed}; zones are numbers
   const spoken = new Map(); // node -> the text that it was given to say
   const speaking = new Map(); // node -> what it is saying, as long as its end is not known
 
   // Where the robot is at a time; null as long as nobody knows.
-  function wayAt(at) {
-    const last = lastUntil(ways, at);
-    return last < 0 ? null : poseOn(ways[last], at);
+  function poseAt(at) {
+    const last = lastUntil(legs, at);
+    return last < 0 ? null : poseOn(legs[last], at);
   }
 
   function insert(list, item) {
@@ -162,7 +162,7 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
   function drive(at_us, points, speed) {
     const along = lengthsOf(points);
     const until_us = at_us + (along[along.length - 1] / speed) * 1e6;
-    insert(ways, { at_us, until_us, points, along, yaw: wayAt(at_us)?.yaw ?? 0 });
+    insert(legs, { at_us, until_us, points, along, yaw: poseAt(at_us)?.yaw ?? 0 });
   }
 
   // What a record says about the world; most say nothing.
@@ -172,7 +172,7 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
       drive(at_us, data.way, data.speed);
     } else if (data.world === "pose" && (!open || isPlace(data))) {
       if (open) world.area = grown(world.area, data);
-      insert(ways, { at_us, until_us: at_us, points: [[data.x, data.y]], along: [0], yaw: data.yaw });
+      insert(legs, { at_us, until_us: at_us, points: [[data.x, data.y]], along: [0], yaw: data.yaw });
     } else if (data.world === "say") {
       silence(node);
       const start = Math.max(0, at_us - data.seconds * 1e6);
@@ -201,7 +201,7 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
   function speech(record) {
     const { kind, node, at_us } = record;
     if (kind === "STARTED" && spoken.has(node)) {
-      const { x, y } = wayAt(at_us) || {};
+      const { x, y } = poseAt(at_us) || {};
       speaking.set(node, utter(at_us, Infinity, spoken.get(node), "say", { who: "robot", x, y }));
     } else if (kind === "TRIGGERED" && isSpeech(record)) {
       spoken.set(node, record.data.text);
@@ -220,22 +220,22 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
         speech(record);
       }
     },
-    poseAt: wayAt,
-    // The way that is being driven at a time, from where the robot is to where it leads.
+    poseAt,
+    // The leg that is being driven at a time, from where the robot is to where it leads.
     aheadAt(at) {
-      const way = ways[lastUntil(ways, at)];
-      if (!way || at >= way.until_us || way.points.length < 2) {
+      const leg = legs[lastUntil(legs, at)];
+      if (!leg || at >= leg.until_us || leg.points.length < 2) {
         return [];
       }
-      return [...partOf(way, at, true)];
+      return [...partOf(leg, at, true)];
     },
     // All places where the robot has been, in order.
     trailAt(at) {
-      const last = lastUntil(ways, at);
+      const last = lastUntil(legs, at);
       const trail = [];
       for (let i = Math.max(0, last - LONGEST_TRAIL); i <= last; i += 1) {
-        const end = i < last ? Math.min(ways[i + 1].at_us, at) : at;
-        trail.push(...partOf(ways[i], end, false));
+        const end = i < last ? Math.min(legs[i + 1].at_us, at) : at;
+        trail.push(...partOf(legs[i], end, false));
       }
       return trail;
     },
@@ -249,38 +249,38 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
       return shut;
     },
     peopleAt(at) {
-      const found = [];
+      const people = [];
       for (const person of world.people) {
         const stay = person.stays.find((each) => holds(each, at));
         if (stay) {
-          found.push({ name: person.name, looks: person.looks, x: stay.x, y: stay.y });
+          people.push({ name: person.name, looks: person.looks, x: stay.x, y: stay.y });
         }
       }
-      return found;
+      return people;
     },
-    thereAt: (things, at) => things.filter((each) => holds(each, at)),
+    thereAt: (entries, at) => entries.filter((each) => holds(each, at)),
     spokenAt(at) {
       const last = lastUntil(words, at);
-      const found = [];
+      const shown = [];
       for (let i = Math.max(0, last - 20); i <= last; i += 1) {
         if (words[i].until_us > at && words[i].x !== undefined) {
-          found.push(words[i]);
+          shown.push(words[i]);
         }
       }
-      return found;
+      return shown;
     },
     wordsUntil: (at) => words.slice(0, lastUntil(words, at) + 1),
   };
 }
 
-// The points of a way that are behind the robot at a time, or ahead of it; with where it is.
-function partOf(way, at, ahead) {
-  const here = poseOn(way, at);
-  const whole = way.along[way.along.length - 1];
-  const duration = way.until_us - way.at_us;
-  const gone = duration > 0 ? Math.min(1, Math.max(0, (at - way.at_us) / duration)) * whole : whole;
+// The points of a leg that are behind the robot at a time, or ahead of it; with where it is.
+function partOf(leg, at, ahead) {
+  const here = poseOn(leg, at);
+  const whole = leg.along[leg.along.length - 1];
+  const duration = leg.until_us - leg.at_us;
+  const gone = duration > 0 ? Math.min(1, Math.max(0, (at - leg.at_us) / duration)) * whole : whole;
   if (ahead) {
-    return [[here.x, here.y], ...way.points.filter((_, i) => way.along[i] > gone)];
+    return [[here.x, here.y], ...leg.points.filter((_, i) => leg.along[i] > gone)];
   }
-  return [...way.points.filter((_, i) => way.along[i] < gone), [here.x, here.y]];
+  return [...leg.points.filter((_, i) => leg.along[i] < gone), [here.x, here.y]];
 }

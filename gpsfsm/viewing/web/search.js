@@ -1,7 +1,7 @@
 // The search over elements: labels, names, parameters, paths, line numbers and rules.
 
 import { clipText, debounce, el, replaceContent, visibleText } from "./dom.js";
-import { elementSign } from "./words.js";
+import { elementSign, lineWords } from "./words.js";
 
 const SHOWN = 60;
 const MOST_HITS = 2000;
@@ -73,8 +73,8 @@ export function mountSearch(container, store) {
   }
 
   function option(element, place) {
-    const found = store.plan.elements[element];
-    const text = [found.type || found.label, found.name && `“${found.name}”`, found.detail];
+    const shown = store.plan.elements[element];
+    const text = [shown.type || shown.label, shown.name && `“${shown.name}”`, shown.detail];
     return el(
       "li",
       {
@@ -84,9 +84,9 @@ export function mountSearch(container, store) {
           choose(place);
         },
       },
-      el("span", { class: "sign" }, elementSign(found)),
+      el("span", { class: "sign" }, elementSign(shown)),
       el("span", { class: "hit-text" }, clipText(visibleText(text.filter(Boolean).join(" ")), 120)),
-      el("span", { class: "hit-line" }, `line ${found.line}`),
+      el("span", { class: "hit-line" }, lineWords(store.plan, shown)),
     );
   }
 

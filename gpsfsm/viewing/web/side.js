@@ -9,7 +9,7 @@ import { nodeWords, recordSentence } from "./words.js";
 
 /** @import { Watch } from "./watch.js" */
 
-const MOST_TOLD = 200;
+const MOST_SHOWN = 200;
 const LONGEST_TEXT = 400;
 
 const SIGNS = {
@@ -37,20 +37,20 @@ const LISTS = [
   ["word", "Said and heard"],
   ["event", "Events"],
 ];
-const UNTOLD = new Set(["LOADING", "LOADED", "UNLOADED"]);
+const SILENT_KINDS = new Set(["LOADING", "LOADED", "UNLOADED"]);
 // What a runner says again and again while it acts is shown where it acts.
-function isTold({ kind, record, data }) {
+function isShown({ kind, record, data }) {
   const again = kind === "LOG" && data && (data.feedback !== undefined || data.world === "pose");
-  return !again && !UNTOLD.has(kind) && record !== false;
+  return !again && !SILENT_KINDS.has(kind) && record !== false;
 }
 
-// The last things that are to be shown, in order.
-function lastOf(things, wanted) {
-  const found = [];
-  for (let i = things.length - 1; i >= 0 && found.length < MOST_TOLD; i -= 1) {
-    if (wanted(things[i])) found.push(things[i]);
+// The last records that are to be shown, in order.
+function lastOf(records, wanted) {
+  const last = [];
+  for (let i = records.length - 1; i >= 0 && last.length < MOST_SHOWN; i -= 1) {
+    if (wanted(records[i])) last.push(records[i]);
   }
-  return found.reverse();
+  return last.reverse();
 }
 
 const NO_PLAN = { automaton: null, elements: [] };
@@ -149,8 +149,8 @@ export function mountSide(container, hooks) {
     } else if (key === "event") {
       const records = watch ? watch.records.slice(0, lastUntil(watch.records, watch.at) + 1) : [];
       const plan = watch && watch.store ? watch.store.plan : null;
-      const told = lastOf(records, isTold);
-      list(2, told, (record) => eventRow(record, plan, hooks.onSeek), "Nothing has happened.", records.length);
+      const events = lastOf(records, isShown);
+      list(2, events, (record) => eventRow(record, plan, hooks.onSeek), "Nothing has happened.", records.length);
     }
   }
 
@@ -160,7 +160,7 @@ export function mountSide(container, hooks) {
     const key = `${length} ${last ? last.at_us : ""}`;
     if (shared.drawn[number] === key) return;
     shared.drawn[number] = key;
-    const rows = items.slice(-MOST_TOLD).map(row);
+    const rows = items.slice(-MOST_SHOWN).map(row);
     replaceContent(bodies[number], rows.length ? rows : el("li", { class: "nothing" }, empty));
     panels[number].scrollTop = panels[number].scrollHeight;
   }

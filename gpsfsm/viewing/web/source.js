@@ -8,27 +8,36 @@ import { SEVERITIES, worstSeverity } from "./words.js";
 const LINE_HEIGHT = 20;
 const LONGEST_LINE = 2000;
 const LONGEST_UNFOLDED = 48; // characters, without the indentation
+const LONGEST_UNCUT = 300;
+const DEEPEST = 12;
+
+/**
+ * @typedef {{line: number, start: number, text: string, depth: number, isCut: boolean, inComment: boolean}} Row
+ *   a line, or a part of a long one: `start` is the number of code points before it, `depth` the
+ *   number of elements of this line around it
+ */
 
 export function mountSource(container, store) {
   const box = el("div", {
     class: "source", tabindex: "0", role: "region", "aria-label": "Text of the plan",
   });
   container.append(box);
-  let lines = [];
-  let inComment = [];
+  /** @type {Row[]} */
+  let rows = [];
+  let rowOfLine = []; // the first row of each line
+  let chosen = -1; // the row of the place that is chosen, -1: none
   let json = false;
   let marks = new Map(); // line -> [{start, end, severity}] of the findings
   const list = virtualRows(box, {
     rowHeight: LINE_HEIGHT,
     row,
-    classes: (number) => lineClasses(number + 1),
+    classes: rowClasses,
   });
 
   function arrange() {
     const { source } = store.plan;
-    lines = source === null || source === undefined ? [] : source.split("\n");
+    const lines = source === null || source === undefined ? [] : source.split("\n");
     json = isJson(source || "");
-    inComment = json ? [] : commentStarts(lines);
     marks = new Map();
     store.plan.findings.forEach((finding) => {
       if (finding.suppressed || !finding.line) return;
@@ -42,44 +51,65 @@ export function mountSource(container, store) {
     box.dataset.empty = "The text is not shown.";
     const digits = String(lines.length).length;
     box.style.setProperty("--digits", `${Math.max(3, digits)}ch`);
-    list.setCount(lines.length);
+    rows = rowsOfLines(lines, json);
+    rowOfLine = [];
+    rows.forEach(({ line, start }, number) => start || (rowOfLine[line] = number));
+    chosen = chosenRow();
+    list.setCount(rows.length);
+  }
+
+  // The row of a place; without a column, the first of the line.
+  function rowAt(line, column = 1) {
+    let number = rowOfLine[Math.min(line, rows.length ? rows[rows.length - 1].line : 0)] ?? -1;
+    while (rows[number + 1]?.line === line && rows[number + 1].start < column) number += 1;
+    return number;
+  }
+
+  function chosenRow() {
+    const { state, plan } = store;
+    if (state.line <= 0) return -1;
+    const places = [plan.findings[state.finding], plan.elements[state.element]];
+    return rowAt(state.line, places.find((place) => place?.line === state.line)?.column);
   }
 
   function row(number) {
-    const line = number + 1;
-    const text = lines[number].replace(/\r$/, "");
+    const { line, start, depth } = rows[number];
+    const text = rows[number].text.replace(/\r$/, "");
     const points = Array.from(text.slice(0, 2 * LONGEST_LINE));
     const shown = points.slice(0, LONGEST_LINE);
     const more = text.length - shown.join("").length;
-    return el(
-      "div",
-      { dataset: { line } },
-      gutter(line),
-      el(
-        "code",
-        { class: "line-text" },
-        pieces(shown, line, inComment[number]),
-        more > 0 ? el("span", { class: "line-more" }, ` … ${more} more characters`) : null,
-      ),
+    const code = el(
+      "code",
+      { class: "line-text" },
+      pieces(shown, rows[number]),
+      more > 0 ? el("span", { class: "line-more" }, ` … ${more} more characters`) : null,
     );
+    if (depth) code.style.marginLeft = `${2 * depth}ch`;
+    return el("div", { dataset: { line, column: start + 1 } }, gutter(number), code);
   }
 
-  function gutter(line) {
-    const found = store.index.findingsAt(line).map((number) => store.plan.findings[number]);
-    const worst = worstSeverity(found);
+  function gutter(number) {
+    const { line, start } = rows[number];
+    const all = store.index.findingsAt(line).map((index) => store.plan.findings[index]);
+    const own = all.filter((finding) => isInRow(finding, number));
+    const worst = worstSeverity(own);
     return el(
       "span",
-      { class: "line-number", title: found.map((one) => `${one.rule} ${one.message}`).join("\n") || null },
+      { class: "line-number", title: own.map((one) => `${one.rule} ${one.message}`).join("\n") || null },
       worst ? el("span", { class: `badge ${worst}` }, SEVERITIES[worst].letter) : null,
-      String(line),
+      start ? "" : String(line),
     );
   }
 
-  function pieces(points, line, startsInComment) {
-    const tokens = json ? colorJson(points) : colorLine(points, startsInComment);
+  function isInRow({ line, column }, number) {
+    return rowAt(line, rows[number].isCut ? column : 1) === number;
+  }
+
+  function pieces(points, { line, start: before, inComment }) {
+    const tokens = json ? colorJson(points) : colorLine(points, inComment);
     const folds = json ? foldedJson(points) : foldedParts(tokens, points);
-    const own = marks.get(line) || [];
-    const found = [];
+    const own = (marks.get(line) || []).map((mark) => ({ ...mark, start: mark.start - before, end: mark.end - before }));
+    const spans = [];
     for (const token of tokens) {
       const cuts = [...own, ...folds];
       for (const [start, end, severity] of cutByMarks(token, cuts)) {
@@ -90,40 +120,48 @@ export function mountSource(container, store) {
         const folded = fold && (fold.sign && fold.start === start ? "folded first" : "folded");
         const indent = start === 0 && !points.slice(0, end).join("").trim() && "indent";
         const classes = [token.kind && `xml-${token.kind}`, severity && `mark ${severity}`, folded, indent];
-        const attributes = { class: classes, dataset: { column: start + 1 } };
-        found.push(el("span", attributes, visibleText(points.slice(start, end).join(""))));
+        const attributes = { class: classes, dataset: { column: before + start + 1 } };
+        spans.push(el("span", attributes, visibleText(points.slice(start, end).join(""))));
       }
     }
-    return found;
+    return spans;
   }
 
-  function lineClasses(line) {
-    const { state, plan } = store;
-    const within = (index) =>
-      index > 0 && plan.elements[index] && line >= plan.elements[index].line && line <= plan.elements[index].endLine;
-    let found = "line";
-    if (within(state.element)) found += " selected";
-    if (line === state.line) found += " current";
-    if (within(state.hovered)) found += " hovered";
-    return isRelated(line) ? `${found} is-related` : found;
+  function rowClasses(number) {
+    const { state, index } = store;
+    const { line, start, isCut } = rows[number];
+    const within = (element) => {
+      const range = store.plan.elements[element];
+      if (element <= 0 || !range || line < range.line || line > range.endLine) return false;
+      return !isCut || index.isInside(index.elementAt(line, start + 1), element);
+    };
+    return [
+      "line",
+      within(state.element) && "selected",
+      line === state.line && (!isCut || number === chosen) && "current",
+      within(state.hovered) && "hovered",
+      isRelated(number) && "is-related",
+    ].filter(Boolean).join(" ");
   }
 
-  function isRelated(line) {
+  function isRelated(number) {
     const finding = store.plan.findings[store.state.finding];
-    return Boolean(finding) && finding.related.some((place) => place.line === line);
+    return Boolean(finding) && finding.related.some((place) => isInRow(place, number));
   }
 
   function placeOf(event) {
-    const found = event.target.closest("[data-line]");
-    if (!found) return null;
+    const row = event.target.closest("[data-line]");
+    if (!row) return null;
     const piece = event.target.closest("[data-column]");
     const column = piece ? Number(piece.dataset.column) : Infinity;
-    return { line: Number(found.dataset.line), column };
+    return { line: Number(row.dataset.line), column };
   }
 
   function onClick(event) {
     const place = placeOf(event);
-    if (place && getSelection()?.isCollapsed) store.selectLine(place.line, "source", place.column);
+    if (!place || !getSelection()?.isCollapsed) return;
+    chosen = rowAt(place.line, place.column);
+    store.selectLine(place.line, "source", place.column);
   }
 
   function onMove(event) {
@@ -133,7 +171,8 @@ export function mountSource(container, store) {
 
   function follow() {
     const { line, from } = store.state;
-    if (line > 0 && from !== "source") list.show(Math.min(lines.length, line) - 1);
+    if (from !== "source") chosen = chosenRow();
+    if (line > 0 && from !== "source") list.show(chosen);
     list.restyle();
   }
 
@@ -141,9 +180,10 @@ export function mountSource(container, store) {
     const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
     if (!step || event.altKey || event.ctrlKey || event.metaKey || event.shiftKey) return;
     event.preventDefault();
-    const line = Math.max(1, Math.min(lines.length, store.state.line + step));
-    store.selectLine(line, "source");
-    list.show(line - 1);
+    chosen = Math.max(0, Math.min(rows.length - 1, chosen + step));
+    const { line, start, isCut } = rows[chosen];
+    store.selectLine(line, "source", isCut ? start + 1 : undefined);
+    list.show(chosen);
   }
 
   box.addEventListener("click", onClick);
@@ -226,6 +266,32 @@ function cutByMarks(token, marks) {
 const COMMENT = "<" + "!--";
 const TOKENS = /(<[/?!]?)([^\s<>/="']*)|("[^"]*"?|'[^']*'?)|([^\s<>="'/]+)(?=\s*=)|([/?]?>)/gu;
 
+// One row for a line; of a long one, one for each of its tags:
+//   <Plan><Control type="sequential"><Runner interface="a/B"/></Control></Plan>
+// has five, of which <Runner …/> is the deepest.
+function rowsOfLines(lines, json) {
+  const inComment = json ? [] : commentStarts(lines);
+  return lines.flatMap((text, place) => {
+    const whole = { line: place + 1, start: 0, text, depth: 0, isCut: false, inComment: Boolean(inComment[place]) };
+    return json || text.length <= LONGEST_UNCUT ? [whole] : cutAtTags(whole);
+  });
+}
+
+function cutAtTags(whole) {
+  const points = Array.from(whole.text);
+  const tokens = colorLine(points, whole.inComment);
+  const cuts = tokens.filter(({ kind, start }) => kind === "bracket" && points[start] === "<" && start > 0);
+  if (!cuts.length) return [whole];
+  let depth = 0;
+  return [0, ...cuts.map(({ start }) => start)].map((start, number) => {
+    const text = points.slice(start, cuts[number]?.start).join("");
+    if (text.startsWith("</")) depth = Math.max(0, depth - 1);
+    const row = { ...whole, start, text, depth: Math.min(depth, DEEPEST), isCut: true, inComment: whole.inComment && !start };
+    if (/^<[^/?!]/.test(text) && !/\/>\s*$/.test(text)) depth += 1;
+    return row;
+  });
+}
+
 // Per line whether it begins inside a comment.
 export function commentStarts(lines) {
   let open = false;
@@ -273,17 +339,17 @@ function markupParts(text, from, to) {
   let at = from;
   TOKENS.lastIndex = from;
   const add = (start, end, kind) => end > start && parts.push([start, end, kind]);
-  for (let found = TOKENS.exec(text); found && found.index < to; found = TOKENS.exec(text)) {
-    const end = Math.min(to, found.index + found[0].length);
-    add(at, found.index, "");
-    if (found[1]) {
-      add(found.index, found.index + found[1].length, "bracket");
-      add(found.index + found[1].length, end, "tag");
+  for (let match = TOKENS.exec(text); match && match.index < to; match = TOKENS.exec(text)) {
+    const end = Math.min(to, match.index + match[0].length);
+    add(at, match.index, "");
+    if (match[1]) {
+      add(match.index, match.index + match[1].length, "bracket");
+      add(match.index + match[1].length, end, "tag");
     } else {
-      add(found.index, end, found[3] ? "value" : found[4] ? "name" : "bracket");
+      add(match.index, end, match[3] ? "value" : match[4] ? "name" : "bracket");
     }
     at = end;
-    if (end === found.index) TOKENS.lastIndex += 1;
+    if (end === match.index) TOKENS.lastIndex += 1;
   }
   add(at, to, "");
   return parts;

@@ -85,7 +85,7 @@ export function createStore(viewDocument) {
     set(values) {
       Object.assign(store.state, values);
       waiting.push(new Set(Object.keys(values)));
-      if (telling) return; // told after the change that is being told now
+      if (telling) return; // subscribers hear of it after the change before
       telling = true;
       try {
         while (waiting.length) tell(waiting.shift());
@@ -203,7 +203,7 @@ function folds(store) {
 
 // -- lookups in one plan of the view document: elements, nodes, groups and lines -----------------
 
-const known = new WeakMap();
+const indices = new WeakMap();
 
 /** @type {readonly number[]} */
 const NONE = Object.freeze([]);
@@ -217,20 +217,21 @@ const NONE = Object.freeze([]);
 //   elementAt(line, column)   the innermost element at a place (from 1), -1 if none
 //   findingsOf(element)  indices of the findings whose place is the element
 //   findingsAt(line)     indices of the findings on a line
+//   isShared(line)       true if several runners, or elements called alike, begin on a line
 //   outputs(node)        indices of the edges that leave a node, inputs(node) of those that enter
 //   isInside(element, outer)
 export function planIndex(plan) {
-  let index = known.get(plan);
+  let index = indices.get(plan);
   if (!index) {
     index = makeIndex(plan);
-    known.set(plan, index);
+    indices.set(plan, index);
   }
   return index;
 }
 
 function put(map, key, value) {
-  const found = map.get(key);
-  if (found) found.push(value);
+  const list = map.get(key);
+  if (list) list.push(value);
   else map.set(key, [value]);
 }
 
@@ -243,7 +244,14 @@ function makeIndex(plan) {
   const findingLines = new Map();
   const outputs = new Map();
   const inputs = new Map();
-  plan.elements.forEach((element, number) => put(children, element.parent, number));
+  const columns = new Map(); // where the last one of a name begins on a line
+  const shared = new Set();
+  plan.elements.forEach((element, number) => {
+    put(children, element.parent, number);
+    const name = `${element.line} ${element.kind === "runner" ? "" : element.label}`;
+    if ((columns.get(name) ?? element.column) !== element.column) shared.add(element.line);
+    columns.set(name, element.column);
+  });
   if (plan.automaton) {
     plan.automaton.nodes.forEach((node, number) => put(nodes, node.element, number));
     groups.forEach((group, number) => group.element >= 0 && groupOf.set(group.element, number));
@@ -264,6 +272,7 @@ function makeIndex(plan) {
     childrenOf: (element) => children.get(element) || NONE,
     findingsOf: (element) => findings.get(element) || NONE,
     findingsAt: (line) => findingLines.get(line) || NONE,
+    isShared: (line) => shared.has(line),
     outputs: (node) => outputs.get(node) || NONE,
     inputs: (node) => inputs.get(node) || NONE,
     elementAt: lineFinder(plan.elements),
@@ -290,9 +299,9 @@ function lineFinder(elements) {
       if (compare(elements[order[middle]], place) <= 0) low = middle + 1;
       else high = middle;
     }
-    let found = low ? order[low - 1] : -1;
-    while (found >= 0 && elements[found].endLine < line) found = elements[found].parent;
-    return found;
+    let element = low ? order[low - 1] : -1;
+    while (element >= 0 && elements[element].endLine < line) element = elements[element].parent;
+    return element;
   };
 }
 
@@ -303,9 +312,9 @@ export function unpack(value) {
   if (Array.isArray(value)) return value.map(unpack);
   if (value === null || typeof value !== "object") return value;
   if (Array.isArray(value.$columns)) return unpackRows(value.$columns, value.$rows);
-  const found = {};
-  for (const [name, part] of Object.entries(value)) found[name] = unpack(part);
-  return found;
+  const unpacked = {};
+  for (const [name, part] of Object.entries(value)) unpacked[name] = unpack(part);
+  return unpacked;
 }
 
 function unpackRows(columns, count) {

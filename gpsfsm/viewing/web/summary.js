@@ -79,7 +79,7 @@ export function mountSummary(container, viewDocument, { onOpen, current = () => 
   const folder = commonFolder(rows.map((row) => row.name));
   const view = { rows, columns, sort, folder, falling: false, text: "", onOpen, current };
   const body = el("tbody");
-  const told = el("p", { class: "summary-told", "aria-live": "polite" });
+  const note = el("p", { class: "summary-note", "aria-live": "polite" });
   const filter = el("input", {
     type: "search",
     class: "summary-filter",
@@ -103,18 +103,18 @@ export function mountSummary(container, viewDocument, { onOpen, current = () => 
     { class: "summary", "aria-label": "Summary" },
     el("div", { class: "summary-head" }, totals(rows, folder), filter),
     el("div", { class: "summary-scroll" }, table),
-    told,
+    note,
   );
   container.append(box);
 
   function draw() {
-    const found = matching(view);
-    const sorted = view.sort ? sortRows(found, view.sort.of, view.falling) : found;
+    const hits = matching(view);
+    const sorted = view.sort ? sortRows(hits, view.sort.of, view.falling) : hits;
     replaceContent(body, sorted.slice(0, MOST_ROWS).map((row) => tableRow(row, view)));
     heads.forEach((head, place) => markSorted(head, view.columns[place] === view.sort, view.falling));
     const left = sorted.length - MOST_ROWS;
     const more = left > 0 ? `; ${left} more are not shown: filter them` : "";
-    told.textContent = view.text || left > 0 ? counted(found.length, "plan") + more : "";
+    note.textContent = view.text || left > 0 ? counted(hits.length, "plan") + more : "";
   }
 
   draw();
@@ -132,7 +132,7 @@ export function commonFolder(names) {
   const [first, ...others] = names;
   const isShared = (folder) => others.every((name) => name.startsWith(folder));
   let folder = first.slice(0, first.lastIndexOf("/") + 1);
-  while (folder && !isShared(folder)) folder = folder.slice(0, folder.lastIndexOf("/", folder.length - 2) + 1);
+  while (folder && !isShared(folder)) folder = folder.slice(0, folder.slice(0, -1).lastIndexOf("/") + 1);
   return folder;
 }
 

@@ -2,7 +2,8 @@
 // waited, and how each came to its end. It is read off the history of a run (history.js), so that a
 // scenario, a diff and a run on the live page show the same.
 //
-//   mountTimeline(container, {history, folded, position, at, onSeek, onSelect}) -> {update, refold, destroy}
+//   mountTimeline(container, {plan, history, folded, position, length, times, onSeek, onSelect})
+//     -> {rowsInView, update, refold, destroy}
 //
 // Scenarios are drawn step by step, runs by their seconds. What is folded in the automaton is one row.
 
@@ -10,7 +11,7 @@ import { counted, el, oncePerFrame, replaceContent } from "./dom.js";
 import { foldedGroups } from "./folding.js";
 import { countUpTo } from "./history.js";
 import { virtualRows } from "./rows.js";
-import { ENDS, STATES, endSentence, joinWord, nodeWords } from "./words.js";
+import { ENDS, STATES, endSentence, joinWord, lineWords, nodeName } from "./words.js";
 
 const LANE_HEIGHT = 24; // as large as a finger can hit
 const ROWS_AT_ONCE = 40; // of a run with more rows as large a part is shown at once
@@ -329,7 +330,6 @@ export function mountTimeline(container, { plan, history, folded, position, leng
   rebuild();
   move();
   return {
-    element: box,
     rowsInView,
     update,
     refold() {
@@ -348,13 +348,13 @@ function rowWords(plan, row) {
   const { automaton, elements } = plan;
   if (row.group >= 0) {
     const { element, label } = automaton.groups[row.group];
-    const at = element >= 0 && elements[element] ? ` at line ${elements[element].line}` : "";
+    const at = element >= 0 && elements[element] ? ` at ${lineWords(plan, elements[element])}` : "";
     return `⊞ ${label}${at} (${counted(row.count, "row")})`;
   }
   const node = automaton.nodes[row.node];
-  if (node.kind === "join") return `${elements[node.element]?.line}: ${joinWord(node)} of ${nodeWords(plan, row.node).replace(/ at line \d+$/, "")}`;
-  const { line } = elements[node.element] || {};
-  return node.kind === "runner" ? `${line}: ${nodeWords(plan, row.node).replace(/ at line \d+$/, "")}` : node.label.join(" ") || node.kind.replace("_", " ");
+  const line = lineWords(plan, elements[node.element] || {}).replace("line ", "");
+  if (node.kind === "join") return `${line}: ${joinWord(node)} of ${nodeName(plan, row.node)}`;
+  return node.kind === "runner" ? `${line}: ${nodeName(plan, row.node)}` : node.label.join(" ") || node.kind.replace("_", " ");
 }
 
 // The timeline of the play of a store, whichever is open in it. Its steps have a handle in the bar of

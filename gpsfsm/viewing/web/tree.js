@@ -73,11 +73,11 @@ export function mountTree(container, store) {
 
   function rowClasses(index) {
     const { state, plan } = store;
-    let found = "row";
-    if (index === state.element) found += " selected";
-    if (index === state.hovered) found += " hovered";
-    if (state.hits.includes(index)) found += " hit";
-    return plan.elements[index].reachable ? found : `${found} unreachable`;
+    let classes = "row";
+    if (index === state.element) classes += " selected";
+    if (index === state.hovered) classes += " hovered";
+    if (state.hits.includes(index)) classes += " hit";
+    return plan.elements[index].reachable ? classes : `${classes} unreachable`;
   }
 
   function badge(index) {
@@ -106,11 +106,11 @@ export function mountTree(container, store) {
 
   function stateOf(index) {
     for (const node of store.index.nodesOf(index)) {
-      const found = store.state.states.get(node);
+      const status = store.state.states.get(node);
       const isRunner = store.plan.automaton.nodes[node].kind === "runner";
       // Of a join only that it waits, be it for ever, says something about its control: others
       // fire, or never do, for the better or the worse.
-      if (found && (isRunner || found.state === "waiting" || found.state === "stuck")) return found.state;
+      if (status && (isRunner || status.state === "waiting" || status.state === "stuck")) return status.state;
     }
     return "idle";
   }
@@ -157,16 +157,16 @@ export function mountTree(container, store) {
   }
 
   function onClick(event) {
-    const found = event.target.closest("[data-element]");
-    if (!found) return;
-    const index = Number(found.dataset.element);
+    const row = event.target.closest("[data-element]");
+    if (!row) return;
+    const index = Number(row.dataset.element);
     if (event.target.classList.contains("twisty")) toggle(index, store.state.closed.has(index));
     else store.selectElement(index, "tree");
   }
 
   function onMove(event) {
-    const found = event.target.closest("[data-element]");
-    store.hoverElement(found ? Number(found.dataset.element) : -1);
+    const row = event.target.closest("[data-element]");
+    store.hoverElement(row ? Number(row.dataset.element) : -1);
   }
 
   // Opens what hides the selected element and scrolls to it.
@@ -186,8 +186,8 @@ export function mountTree(container, store) {
   box.addEventListener("keydown", onKey);
   box.addEventListener("click", onClick);
   box.addEventListener("dblclick", (event) => {
-    const found = event.target.closest("[data-element]");
-    if (found) toggle(Number(found.dataset.element), store.state.closed.has(Number(found.dataset.element)));
+    const row = event.target.closest("[data-element]");
+    if (row) toggle(Number(row.dataset.element), store.state.closed.has(Number(row.dataset.element)));
   });
   box.addEventListener("mousemove", onMove);
   box.addEventListener("mouseleave", () => store.hoverElement(-1));

@@ -5,12 +5,12 @@
 // shows what happens now; a step back in time detaches it, and the run goes on meanwhile.
 
 import { ServiceError } from "./client.js";
+import { clipText, visibleText } from "./dom.js";
 import { countUpTo } from "./history.js";
 import { Player } from "./player.js";
 import { isOpen } from "./runs.js";
 import { createScene, lastUntil, openWorld } from "./scene.js";
 import { createStore, unpack } from "./state.js";
-import { feedbackWords } from "./words.js";
 
 const ASIDE_KINDS = new Set(["LOG", "NOTE", "CONTINUED", "RESTARTED"]);
 const RECORDS_AT_ONCE = 5000;
@@ -65,13 +65,13 @@ export class Watch {
 
   async open(number) {
     const { signal } = this.closing;
-    const found = await this.client.get(`/v1/runs/${number}?records=${RECORDS_AT_ONCE}`, { signal });
-    this.info = found;
-    this._prepare(found);
-    for (const record of found.records) this._take(record);
-    if (found.next) await this._catchUp(found.next);
-    if (isOpen(found.status) && found.plan_id) {
-      const status = await this.client.get(`/v1/plans/${found.plan_id}`, { signal });
+    const run = await this.client.get(`/v1/runs/${number}?records=${RECORDS_AT_ONCE}`, { signal });
+    this.info = run;
+    this._prepare(run);
+    for (const record of run.records) this._take(record);
+    if (run.next) await this._catchUp(run.next);
+    if (isOpen(run.status) && run.plan_id) {
+      const status = await this.client.get(`/v1/plans/${run.plan_id}`, { signal });
       if (!isOpen(status.status)) await this._catchUp(this.lastSeq); // it has ended meanwhile
       this._heard(status);
     }
@@ -92,19 +92,19 @@ export class Watch {
     }
   }
 
-  _prepare(found) {
-    this.length = found.length_us || 0;
-    if (found.world_at) {
-      this.scene = createScene(found.world_at, {
-        begun_s: found.begun_s || 0,
-        pose: found.pose,
-        closed: found.closed_zones,
+  _prepare(run) {
+    this.length = run.length_us || 0;
+    if (run.world_at) {
+      this.scene = createScene(run.world_at, {
+        begun_s: run.begun_s || 0,
+        pose: run.pose,
+        closed: run.closed_zones,
       });
     } else if (this.real) {
       this.scene = createScene(openWorld());
     }
-    if (!found.view) return;
-    const store = createStore(withoutPlays(unpack(found.view)));
+    if (!run.view) return;
+    const store = createStore(withoutPlays(unpack(run.view)));
     this.store = store;
     if (this.automaton) {
       this.player = new Player(this.automaton);
@@ -273,7 +273,7 @@ export class Watch {
   }
 }
 
-// What is played here is the run. The scenarios of the findings are told all the same.
+// What is played here is the run. The scenarios of the findings are still described.
 function withoutPlays(document) {
   const plans = document.plans.map((plan) => {
     const findings = plan.findings.map((finding) => {
@@ -283,4 +283,29 @@ function withoutPlays(document) {
     return { ...plan, findings, plays: [], plays_left_out: 0 };
   });
   return { ...document, plans };
+}
+
+// -- how far a runner is, as it says: names end with their units, "distance_left_m" ----------------
+
+const UNITS = { _m_per_s: ["m/s", 2], _m: ["m", 1], _s: ["s", 0], _percent: ["%", 0] };
+const MOST_FIELDS = 4;
+
+function fieldWords(name, value) {
+  if (typeof value !== "number") return `${name.replaceAll("_", " ")} ${clipText(visibleText(String(value)), 60)}`;
+  const suffix = Object.keys(UNITS).find((each) => name.endsWith(each));
+  const words = (suffix ? name.slice(0, -suffix.length) : name).split("_");
+  const exact = Number.isInteger(value) ? value : Number(value.toPrecision(6));
+  const amount = suffix ? `${value.toFixed(UNITS[suffix][1])} ${UNITS[suffix][0]}` : String(exact);
+  if (words[words.length - 1] !== "left") return [...words, amount].join(" ");
+  const rest = words.slice(0, -1).filter((each) => each !== "distance" && each !== "time");
+  return [amount, ...rest, "left"].join(" ");
+}
+
+// "1.2 m left, 12 s left"
+export function feedbackWords(data) {
+  const fields = Object.entries(data).filter(([name]) => name !== "feedback" && name !== "world");
+  return fields
+    .slice(0, MOST_FIELDS)
+    .map(([name, value]) => fieldWords(clipText(visibleText(name), 60), value))
+    .join(", ");
 }

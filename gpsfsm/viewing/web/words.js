@@ -2,6 +2,7 @@
 // run. Everything that has a colour has a sign as well, so that the page can be read without colours.
 
 import { clipText, visibleText } from "./dom.js";
+import { planIndex } from "./state.js";
 
 export const SEVERITIES = {
   error: { letter: "E", word: "error" },
@@ -110,46 +111,32 @@ export function endSentence(plan, status) {
   return plan.elements[0]?.path === "/machine" ? sentence.replace("the plan", "the machine") : sentence;
 }
 
+// "line 4", or "line 1:88" where elements share a line
+export function lineWords(plan, { line, column }) {
+  return column > 0 && planIndex(plan).isShared(line) ? `line ${line}:${column}` : `line ${line}`;
+}
+
 // "SpeechRunner (text=Hello.) at line 4"
 export function nodeWords(plan, number) {
+  const element = plan.elements[plan.automaton?.nodes[number]?.element];
+  return nodeName(plan, number) + (element ? ` at ${lineWords(plan, element)}` : "");
+}
+
+// "SpeechRunner (text=Hello.)"
+export function nodeName(plan, number) {
   const node = plan.automaton && plan.automaton.nodes[number];
   if (!node) return "";
   const element = plan.elements[node.element];
   if (!element) return node.label.join(" ");
   const name = element.name ? ` “${visibleText(element.name)}”` : "";
-  if (node.kind === "join") return `${element.label}${name} at line ${element.line}`;
+  if (node.kind === "join") return `${element.label}${name}`;
   const detail = element.detail ? ` (${clipText(visibleText(element.detail), 60)})` : "";
-  return `${visibleText(element.label)}${name || detail} at line ${element.line}`;
+  return `${visibleText(element.label)}${name || detail}`;
 }
 
 function isChoice(plan, number) {
   const node = plan.automaton && plan.automaton.nodes[number];
   return Boolean(node) && plan.elements[node.element].type === "choice";
-}
-
-// -- how far a runner is, as it says: names end with their units, "distance_left_m" ----------------
-
-const UNITS = { _m_per_s: ["m/s", 2], _m: ["m", 1], _s: ["s", 0], _percent: ["%", 0] };
-const MOST_FIELDS = 4;
-
-function fieldWords(name, value) {
-  if (typeof value !== "number") return `${name.replaceAll("_", " ")} ${clipText(visibleText(String(value)), 60)}`;
-  const suffix = Object.keys(UNITS).find((each) => name.endsWith(each));
-  const words = (suffix ? name.slice(0, -suffix.length) : name).split("_");
-  const exact = Number.isInteger(value) ? value : Number(value.toPrecision(6));
-  const amount = suffix ? `${value.toFixed(UNITS[suffix][1])} ${UNITS[suffix][0]}` : String(exact);
-  if (words[words.length - 1] !== "left") return [...words, amount].join(" ");
-  const rest = words.slice(0, -1).filter((each) => each !== "distance" && each !== "time");
-  return [amount, ...rest, "left"].join(" ");
-}
-
-// "1.2 m left, 12 s left"
-export function feedbackWords(data) {
-  const fields = Object.entries(data).filter(([name]) => name !== "feedback" && name !== "world");
-  return fields
-    .slice(0, MOST_FIELDS)
-    .map(([name, value]) => fieldWords(clipText(visibleText(name), 60), value))
-    .join(", ");
 }
 
 // A join of the paper's automaton is the success or the failure of its control; those of engines

@@ -13,7 +13,7 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.errors import InternalError, UsageError, installing
 from gpsfsm.late import pattern
 from gpsfsm.version import VERSION
 from gpsfsm.workers.engines import Kind, Lost
@@ -34,8 +34,6 @@ _PATIENCE_S = 60.0
 _LOOK_S = 5.0
 _ADDRESS = pattern(r"ray(://[A-Za-z0-9_.\-\[\]:]{1,200}:[0-9]{1,5})?")
 _SILENCE = "RAY_DEDUP_LOGS_SKIP_REGEX"
-_MISSING = """--jobs {jobs} needs Ray, which is not installed; install the extra 'ray':
-  pip install 'gpsfsm[ray]', or '.[ray]' in a clone"""
 
 
 def _do(work: Work[Item, Result], items: Sequence[Item]) -> tuple[str, list[Result] | UsageError]:
@@ -163,7 +161,8 @@ def _import(jobs: str) -> Any:
     try:
         import ray
     except ImportError as error:
-        raise UsageError(_MISSING.format(jobs=jobs)) from error
+        needed = f"--jobs {jobs} needs Ray, which is not installed"
+        raise UsageError(f"{needed}: {installing('ray')}") from error
     finally:
         if silent:
             del os.environ[_SILENCE]

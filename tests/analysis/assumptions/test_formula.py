@@ -73,10 +73,10 @@ def test_the_last_of_three_agrees_too() -> None:
     """After a failure of A neither B nor C succeeds, so nothing gets as far as D."""
     whole = plan("a/A", rec(seq(par_any("a/B", "a/C"), "a/D")))
     unreachable = "/Plan/Control[1]/Control[1]/Runner[1]"
-    for same, found in (("A, B, C", (unreachable,)), ("A, B", ())):
+    for same, expected in (("A, B, C", (unreachable,)), ("A, B", ())):
         facts = decided(whole, assumptions=[f"same: {same}"]).facts()
         assert facts is not None
-        assert facts.unreachable == found
+        assert facts.unreachable == expected
 
 
 def test_one_constant_may_decide() -> None:
@@ -92,11 +92,11 @@ def compare_with_z3(formula: logic.Formula) -> None:
     solver.from_string(f"{declarations}(assert (= q0 {logic.to_smt(formula, symbolic)}))")
     for scenario in scenarios(SIZE):
         true = {f"{KINDS[o]}{n}" for n, o in enumerate(scenario) if o in KINDS}
-        given_ = [z3.Bool(name) if name in true else z3.Not(z3.Bool(name)) for name in names]
+        assignment = [z3.Bool(name) if name in true else z3.Not(z3.Bool(name)) for name in names]
         expected = logic.holds(formula, scenario)
         holds, fails = z3.Bool("q0"), z3.Not(z3.Bool("q0"))
-        assert solver.check(*given_, holds if expected else fails) == z3.sat
-        assert solver.check(*given_, fails if expected else holds) == z3.unsat
+        assert solver.check(*assignment, holds if expected else fails) == z3.sat
+        assert solver.check(*assignment, fails if expected else holds) == z3.unsat
 
 
 FEW: tuple[logic.Formula, ...] = (

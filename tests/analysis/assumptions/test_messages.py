@@ -181,7 +181,7 @@ TWO = """\
 def test_an_assumption_that_does_not_fit_is_a_finding(text: str, message: str, hint: str) -> None:
     report = gpsfsm.check(TWO, assume=[text])
     (plan,) = report.plans
-    (finding,) = [found for found in plan.findings if found.rule == "GP907"]
+    (finding,) = [each for each in plan.findings if each.rule == "GP907"]
     assert plan.verdict is Verdict.UNDECIDED
     assert finding.message == f"the assumption '{text}' cannot be used: {message}"
     assert finding.hint == hint

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.encode import FALSE, TRUE, conjunction, disjunction, negation
 from gpsfsm.analysis.machines.proof import EVENT, Formulas, State
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Fixpoint(Formulas):
     def ever(self, claims: Iterable[str]) -> bool:
         """True if a run reaches a configuration in which one of the claims holds.
 
-        Raises Inconclusive at the limit.
+        Raises InconclusiveError at the limit.
         """
         rules = self._rules(self.names, {}, {})
         rules += [f"(rule (=> (and {_reach(self.names)} {claim}) bad))" for claim in claims]
@@ -150,9 +150,9 @@ class Fixpoint(Formulas):
         try:
             answer = engine.query(query[0])
         except z3.Z3Exception:  # the limit of steps
-            raise Inconclusive from None
+            raise InconclusiveError from None
         if answer == z3.unknown:
-            raise Inconclusive
+            raise InconclusiveError
         return bool(answer == z3.sat)
 
 

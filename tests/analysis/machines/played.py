@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.machines.search import Step
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.compile.instants import FAILED, HANG, SUCCEEDED, Instants, bits
 from gpsfsm.model.event import Outcome
 
@@ -20,7 +20,7 @@ CODES = {Outcome.SUCCEEDED: SUCCEEDED, Outcome.FAILED: FAILED, Outcome.HANG: HAN
 class Played:
     """All configurations and steps of a machine, breadth-first; every instant is played.
 
-    Raises Inconclusive for a machine of more than ``most`` configurations.
+    Raises InconclusiveError for a machine of more than ``most`` configurations.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Played:
         numbers = {self.configurations[0]: 0}
         for at, before in enumerate(self.configurations):  # grows while it is read
             if at == most:
-                raise Inconclusive
+                raise InconclusiveError
             self.steps.append([])
             for number in bits(before.active):
                 for outcome in sorted(CODES[each] for each in allowed[number]):

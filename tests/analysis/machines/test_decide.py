@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import gpsfsm
 from gpsfsm.analysis.machines.decide import Answers, Judge
 from gpsfsm.analysis.machines.search import Exploration
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.event import Outcome
@@ -39,23 +39,23 @@ def answers(*connections: str, hang: bool = False, **needs: int) -> Answers:
     return Judge(Exploration(automaton, [allowed] * len(automaton.runners))).facts()
 
 
-def ends(found: Answers) -> tuple[Frequency, ...]:
+def ends(facts: Answers) -> tuple[Frequency, ...]:
     """Completes, gives up, stuck, endless."""
-    return found.completes, found.gives_up, found.stuck, found.endless
+    return facts.completes, facts.gives_up, facts.stuck, facts.endless
 
 
 def test_a_loop_that_a_success_leads_out_of() -> None:
-    found = answers("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")
-    assert ends(found) == (SOMETIMES, NEVER, NEVER, SOMETIMES)
-    assert found.completes_if_fair is ALWAYS
-    (loop,) = found.loops
+    replies = answers("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")
+    assert ends(replies) == (SOMETIMES, NEVER, NEVER, SOMETIMES)
+    assert replies.completes_if_fair is ALWAYS
+    (loop,) = replies.loops
     assert not loop.trap
     assert (loop.lasso.prefix, loop.lasso.loop) == ((), ((0, 2),))
 
 
 def test_a_loop_that_nothing_leads_out_of() -> None:
-    found = answers("start SUCCEEDED a", "a FAILED end", "a SUCCEEDED b", "b SUCCEEDED c")
-    assert not found.loops
+    replies = answers("start SUCCEEDED a", "a FAILED end", "a SUCCEEDED b", "b SUCCEEDED c")
+    assert not replies.loops
     trap = answers(
         "start SUCCEEDED a", "a FAILED end", "a SUCCEEDED b", "b SUCCEEDED b", "b FAILED b"
     )
@@ -67,20 +67,20 @@ def test_a_loop_that_nothing_leads_out_of() -> None:
 
 def test_an_unfair_choice_is_left_out_step_by_step() -> None:
     # fair runs take b's failure, which leads out of the loop of a and b
-    found = answers(
+    replies = answers(
         "start SUCCEEDED a", "a SUCCEEDED b", "a FAILED b", "b SUCCEEDED a", "b FAILED end"
     )
-    assert (found.completes, found.completes_if_fair) == (SOMETIMES, ALWAYS)
+    assert (replies.completes, replies.completes_if_fair) == (SOMETIMES, ALWAYS)
 
 
 def test_a_runner_that_is_active_for_ever_is_no_run() -> None:
     # b goes round only as long as a has not ended, and a ends
-    found = answers(
+    replies = answers(
         *("start SUCCEEDED a", "start SUCCEEDED b", "b SUCCEEDED b", "b FAILED b"),
         *("a SUCCEEDED stop b", "a FAILED stop b", "a SUCCEEDED end", "a FAILED lost"),
     )
-    assert ends(found) == (SOMETIMES, SOMETIMES, NEVER, NEVER)
-    assert found.loops == ()
+    assert ends(replies) == (SOMETIMES, SOMETIMES, NEVER, NEVER)
+    assert replies.loops == ()
     hanging = answers(
         *("start SUCCEEDED a", "start SUCCEEDED b", "b SUCCEEDED b", "b FAILED b"),
         *("a SUCCEEDED stop b", "a FAILED stop b", "a SUCCEEDED end", "a FAILED lost"),
@@ -110,23 +110,23 @@ def test_a_join_waits_for_ever_stuck_or_in_a_loop() -> None:
 
 
 def test_failures_count_at_every_visit() -> None:
-    found = answers(
+    replies = answers(
         "start SUCCEEDED a", "a FAILED b", "a SUCCEEDED end", "b SUCCEEDED a", "b FAILED lost"
     )
-    assert found.fewest_failures == 2
-    assert [(each.signal.node, each.effect) for each in found.dangling] == [(2, "give_up")]
+    assert replies.fewest_failures == 2
+    assert [(each.signal.node, each.effect) for each in replies.dangling] == [(2, "give_up")]
 
 
 def test_orphans_are_active_after_completion() -> None:
-    found = answers("start SUCCEEDED a", "a STARTED b", "a SUCCEEDED end")
-    assert [number for number, _ in found.orphans] == [1]
+    replies = answers("start SUCCEEDED a", "a STARTED b", "a SUCCEEDED end")
+    assert [number for number, _ in replies.orphans] == [1]
     stopped = answers("start SUCCEEDED a", "a STARTED b", "a SUCCEEDED end", "a SUCCEEDED stop b")
     assert stopped.orphans == ()
 
 
 def test_a_machine_with_too_many_configurations_is_inconclusive() -> None:
     automaton = automaton_of(machine(*(f"start SUCCEEDED r{number}" for number in range(9))))
-    with pytest.raises(Inconclusive):
+    with pytest.raises(InconclusiveError):
         Exploration(automaton, [PLAIN] * 9, limit=500)
     assert len(Exploration(automaton, [PLAIN] * 9, limit=513).configurations) == 512
 
@@ -140,18 +140,18 @@ def test_z3_and_the_search_agree(graph: Any, data: st.DataObject) -> None:
     assert not problems
     automaton = plan.automaton
     allowed = data.draw(outcomes(len(automaton.runners)))
-    found = Judge(Exploration(automaton, allowed)).facts()
+    answer = Judge(Exploration(automaton, allowed)).facts()
     proved = Fixpoint(automaton, allowed, rlimit=50_000_000)
     claims = {
-        "completed": found.completes is not NEVER,
-        "gave_up": found.gives_up is not NEVER,
-        f"(and {proved.still} (not completed) (not gave_up))": found.stuck is not NEVER,
+        "completed": answer.completes is not NEVER,
+        "gave_up": answer.gives_up is not NEVER,
+        f"(and {proved.still} (not completed) (not gave_up))": answer.stuck is not NEVER,
     }
     numbers = range(len(automaton.runners))
-    claims |= {f"a{number}": number not in found.unreachable for number in numbers}
+    claims |= {f"a{number}": number not in answer.unreachable for number in numbers}
     assert {claim: proved.ever([claim]) for claim in claims} == claims
-    assert proved.endless() == (found.endless is not NEVER)
-    orphans = dict(found.orphans)
+    assert proved.endless() == (answer.endless is not NEVER)
+    orphans = dict(answer.orphans)
     assert [proved.orphaned([number]) for number in numbers] == [
         each in orphans for each in numbers
     ]
@@ -163,23 +163,23 @@ def test_the_machine_of_a_plan_has_the_facts_of_the_plan(whole: oracle.P) -> Non
     automaton = compile_plan(plan_of(whole)).automaton
     machine_plan, problems = machine_of(automaton.graph)
     assert machine_plan is not None, problems
-    found = Judge(Exploration(machine_plan.automaton, [PLAIN] * len(automaton.runners))).facts()
+    answer = Judge(Exploration(machine_plan.automaton, [PLAIN] * len(automaton.runners))).facts()
     facts = oracle.facts(whole)
     assert facts is not None
     paths = [automaton.plan.path(runner) for runner in automaton.plan.runners]
-    assert [found.completes, found.gives_up, found.stuck] == [
+    assert [answer.completes, answer.gives_up, answer.stuck] == [
         facts["completes"],
         facts["gives_up"],
         facts["stuck"],
     ]
-    assert found.endless is NEVER
-    assert not found.loops
-    assert [paths[number] for number in found.unreachable] == list(facts["unreachable"])
-    assert [paths[number] for number, _ in found.orphans] == list(facts["orphans"])
-    assert found.fewest_failures == facts["fewest_failures_to_give_up"]
+    assert answer.endless is NEVER
+    assert not answer.loops
+    assert [paths[number] for number in answer.unreachable] == list(facts["unreachable"])
+    assert [paths[number] for number, _ in answer.orphans] == list(facts["orphans"])
+    assert answer.fewest_failures == facts["fewest_failures_to_give_up"]
     dangling = [
         (paths[automaton.runner_number(each.signal.node)], each.signal.event, each.effect)
-        for each in found.dangling
+        for each in answer.dangling
     ]
     assert dangling == [
         (each["runner"], each["event"], each["effect"]) for each in facts["dangling"]

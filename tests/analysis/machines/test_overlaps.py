@@ -22,7 +22,7 @@ def met_by_brute_force(graph: Any) -> set[frozenset[str]]:
     """The pairs of runners that are active at once, not later than the instant of the end."""
     played = Played(graph)
     at, seen = played.begin()
-    pending, known = [(at, seen.end)], {at}
+    pending, library = [(at, seen.end)], {at}
     met: set[frozenset[str]] = set()
     while pending:
         at, end = pending.pop()
@@ -30,8 +30,8 @@ def met_by_brute_force(graph: Any) -> set[frozenset[str]]:
         for name, event in product(sorted(at.active), () if end else EVENTS.values()):
             after, seen = played.after(at, name, event)
             met.update(map(frozenset, combinations(sorted(after.active), 2)))
-            if not seen.end and after not in known:
-                known.add(after)
+            if not seen.end and after not in library:
+                library.add(after)
                 pending.append((after, ""))
     return met
 

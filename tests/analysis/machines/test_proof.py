@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gpsfsm.analysis.machines.decide import Judge
 from gpsfsm.analysis.machines.proof import Completeness, Formulas
 from gpsfsm.analysis.machines.search import Exploration
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.errors import InternalError
 from gpsfsm.model.event import Outcome
 from tests.analysis.machines.random_machines import (
@@ -58,10 +58,10 @@ def test_claims_that_hold_in_a_configuration_are_not_proved() -> None:
 
 
 def test_a_proof_has_a_limit_of_steps() -> None:
-    with pytest.raises(Inconclusive):
+    with pytest.raises(InconclusiveError):
         prove(explored(), rlimit=100)
     text = Completeness(explored(), Formulas(explored().automaton, [PLAIN] * 2)).text(())
-    with pytest.raises(Inconclusive):
+    with pytest.raises(InconclusiveError):
         prove(explored(), rlimit=10 * len(text) + 1)
 
 
@@ -134,7 +134,7 @@ def test_explorations_are_proved(graph: Any, data: st.DataObject) -> None:
     automaton = automaton_of(graph)
     try:
         exploration = Exploration(automaton, data.draw(outcomes(len(automaton.runners))), limit=200)
-    except Inconclusive:
+    except InconclusiveError:
         reject()
     Judge(exploration).facts()
     prove(exploration)

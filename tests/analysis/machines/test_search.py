@@ -10,7 +10,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.machines.search import Exploration, strongly_connected
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.compile import instants as module
 from gpsfsm.compile.instants import Instants
 from gpsfsm.model.automaton import Reset, Signal, Tie
@@ -43,7 +43,7 @@ def require_same(
     assert explored.steps == played.steps
     assert explored.origins == played.origins
     if count > 1:
-        with pytest.raises(Inconclusive):
+        with pytest.raises(InconclusiveError):
             Exploration(automaton, allowed, ties=rows, limit=count - 1)
 
 
@@ -60,7 +60,7 @@ def test_an_exploration_is_that_which_plays_every_instant(
         patch.setattr(module, "MOST_CHANGES", most_changes)
         try:
             require_same(automaton, allowed, rows)
-        except Inconclusive:
+        except InconclusiveError:
             reject()
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gpsfsm.analysis.machines.decide import Judge
 from gpsfsm.analysis.machines.proof import Completeness, Formulas
 from gpsfsm.analysis.machines.search import Exploration
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.checking.machine_check import never
 from gpsfsm.compile.instants import FAILED, SUCCEEDED
 from gpsfsm.errors import InternalError
@@ -76,7 +76,7 @@ def test_facts_under_ties_are_those_of_the_brute_force(graph: Any, data: st.Data
     try:
         exploration = Exploration(automaton, allowed, ties=rows, limit=400)
         wanted = oracle.machine_facts(graph, ties=of_the_oracle(automaton, rows), most=1_000)
-    except (Inconclusive, oracle.TooLargeError):
+    except (InconclusiveError, oracle.TooLargeError):
         reject()
     answers = Judge(exploration).facts()
     names = names_of(automaton)

@@ -52,14 +52,14 @@ LONE = runner("model/Plan", 'flush="true"')
 ASK = runner("model/Plan")  # neither uuid nor flush
 
 
-def found(code: str, *steps: str, **options: Any) -> list[Finding]:
+def findings_of(code: str, *steps: str, **options: Any) -> list[Finding]:
     return findings(code, *steps, library=LIBRARY, **options)
 
 
 def only(code: str, *steps: str, **options: Any) -> Finding:
-    (finding,) = found(code, *steps, **options)
+    (finding,) = findings_of(code, *steps, **options)
     return finding
 
 
 def lines(code: str, *steps: str, **options: Any) -> list[int]:
-    return [finding.location.line for finding in found(code, *steps, **options)]
+    return [finding.location.line for finding in findings_of(code, *steps, **options)]

@@ -109,7 +109,7 @@ def findings(
     return [finding for finding in report.findings if finding.rule == code]
 
 
-def told(code: str, *steps: str, library: Library = LIBRARY) -> list[tuple[int, str, str, str]]:
+def messages(code: str, *steps: str, library: Library = LIBRARY) -> list[tuple[int, str, str, str]]:
     """Line, severity, message and hint of what one rule finds."""
     return [
         (finding.location.line, str(finding.severity), finding.message, finding.hint)
@@ -121,15 +121,15 @@ GO_THERE = runner("nav/Go", 'x="1.0" y="2.0"')
 HEAR_IT = runner("voice/Hear")
 
 
-def provider(name: str, *interfaces: str, **known: Any) -> Provider:
+def provider(name: str, *interfaces: str, **entry: Any) -> Provider:
     """A described provider of the interface of its name."""
     (implements,) = interfaces or (name,)
-    return Provider(name, implements, described=True, **known)
+    return Provider(name, implements, described=True, **entry)
 
 
 def library(*providers: Provider) -> Library:
     """A library of these providers and of the interfaces that they implement."""
-    names = dict.fromkeys(found.implements for found in providers)
+    names = dict.fromkeys(provider.implements for provider in providers)
     return Library(interfaces=tuple(Interface(name) for name in names), providers=providers)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from gpsfsm.model.capability import Provider
-from tests.analysis.rules.support import COMPLETE, GO_THERE, LIBRARY, findings, runner, told
+from tests.analysis.rules.support import COMPLETE, GO_THERE, LIBRARY, findings, messages, runner
 
 # -- GP201 ----------------------------------------------------------------------------------
 
@@ -44,14 +44,14 @@ from tests.analysis.rules.support import COMPLETE, GO_THERE, LIBRARY, findings, 
     ],
 )
 def test_an_interface_that_does_not_exist(interface: str, message: str, hint: str | None) -> None:
-    ((line, severity, text, advice),) = told("GP201", runner(interface))
-    known = "error" if text.startswith("there is no") else "warning"
-    assert (line, severity, text) == (2, known, message)
+    ((line, severity, text, advice),) = messages("GP201", runner(interface))
+    library = "error" if text.startswith("there is no") else "warning"
+    assert (line, severity, text) == (2, library, message)
     assert advice == (hint or advice)
 
 
 def test_a_provider_that_is_written_as_an_interface() -> None:
-    assert told("GP201", runner("nav/Run", 'x="1" y="1"')) == [
+    assert messages("GP201", runner("nav/Run", 'x="1" y="1"')) == [
         (
             2,
             "error",
@@ -60,8 +60,8 @@ def test_a_provider_that_is_written_as_an_interface() -> None:
         )
     ]
     other = Provider("legs/Hop", "nav/Go", described=True)
-    known = replace(LIBRARY, providers=(*LIBRARY.providers, other))
-    ((_, severity, message, _),) = told("GP201", runner("legs/Hop"), library=known)
+    changed = replace(LIBRARY, providers=(*LIBRARY.providers, other))
+    ((_, severity, message, _),) = messages("GP201", runner("legs/Hop"), library=changed)
     assert (severity, message) == (
         "error",
         "there is no interface 'legs/Hop'; that is a provider of 'nav/Go'",
@@ -82,7 +82,7 @@ def test_an_interface_is_told_once() -> None:
 
 
 def test_a_hint_comes_from_all_packages_of_a_complete_library() -> None:
-    assert told("GP201", runner("sea/Swim"), library=COMPLETE) == [
+    assert messages("GP201", runner("sea/Swim"), library=COMPLETE) == [
         (
             2,
             "error",
@@ -94,7 +94,7 @@ def test_a_hint_comes_from_all_packages_of_a_complete_library() -> None:
 
 @pytest.mark.parametrize("interface", ["vocie/Say", "Say", "voices/Hear", "old_vioce/Listen"])
 def test_a_package_that_is_nearly_known(interface: str) -> None:
-    ((_, severity, message, _),) = told("GP201", runner(interface))
+    ((_, severity, message, _),) = messages("GP201", runner(interface))
     assert severity == "warning"
     meant = "voice/Say" if interface.endswith("Say") else "voice/Hear"
     assert message == f"no file describes the interface '{interface}'; did you mean '{meant}'?"
@@ -104,14 +104,14 @@ def test_a_package_that_is_nearly_known(interface: str) -> None:
     "interface", ["nav/Go", "old_nav/Go", "bot/Go", "bot/Fly", "lift/Go", "vocie/Shout", "Swim"]
 )
 def test_an_interface_that_may_exist(interface: str) -> None:
-    assert told("GP201", runner(interface)) == []
+    assert messages("GP201", runner(interface)) == []
 
 
 def test_a_missing_interface_is_left_to_gp107() -> None:
     step = '<Runner interface=" " provider="nav/Go"/>'
-    assert [told(code, step) for code in ("GP201", "GP202", "GP210")] == [[], [], []]
+    assert [messages(code, step) for code in ("GP201", "GP202", "GP210")] == [[], [], []]
     step = '<Runner interface="nav/Go"/>'
-    assert [told(code, step) for code in ("GP201", "GP202", "GP210")] == [[], [], []]
+    assert [messages(code, step) for code in ("GP201", "GP202", "GP210")] == [[], [], []]
 
 
 # -- GP202 ----------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ def test_a_wrong_provider(
     interface: str, provider: str, severity: str, message: str, hint: str
 ) -> None:
     step = runner(interface, 'x="1" y="2" text="a"', provider)
-    assert told("GP202", step) == [(2, severity, message, hint)]
+    assert messages("GP202", step) == [(2, severity, message, hint)]
 
 
 @pytest.mark.parametrize(
@@ -205,16 +205,16 @@ def test_a_wrong_provider(
     ],
 )
 def test_a_provider_that_may_be_right(interface: str, provider: str) -> None:
-    assert told("GP202", runner(interface, provider=provider)) == []
+    assert messages("GP202", runner(interface, provider=provider)) == []
 
 
 def test_every_provider_of_a_complete_library_is_known() -> None:
-    ((_, severity, message, _),) = told(
+    ((_, severity, message, _),) = messages(
         "GP202", runner("nav/Go", provider="lift/Go"), library=COMPLETE
     )
     assert severity == "error"
     assert message.startswith("there is no provider 'lift/Go'; ")
-    assert [line for line, *_ in told("GP202", runner("voice/Sing"), library=COMPLETE)] == [2]
+    assert [line for line, *_ in messages("GP202", runner("voice/Sing"), library=COMPLETE)] == [2]
 
 
 def test_a_provider_is_told_once() -> None:
@@ -237,10 +237,10 @@ def test_an_unknown_interface_with_the_provider_of_another_one(
 ) -> None:
     """Also where the interface alone would be a guess (GP201) or be left unjudged (GP210)."""
     step = runner(interface, 'x="1" y="1"', provider=provider)
-    found = told("GP201", step) + told("GP202", step) + told("GP212", step)
-    assert len(found) == 1
-    assert found[0][1] == "error"
-    assert told("GP210", step) == []
+    actual = messages("GP201", step) + messages("GP202", step) + messages("GP212", step)
+    assert len(actual) == 1
+    assert actual[0][1] == "error"
+    assert messages("GP210", step) == []
 
 
 def test_what_the_provider_implements_is_told() -> None:
@@ -260,13 +260,13 @@ def test_what_the_provider_implements_is_told() -> None:
     [("lift/Go", "lift/Go"), ("lift/Go", "lift/Motor"), ("nav/Go", "nav/Go"), ("lift/Go", " ")],
 )
 def test_names_that_nobody_knows_are_no_mismatch(interface: str, provider: str) -> None:
-    assert told("GP212", runner(interface, provider=provider)) == []
+    assert messages("GP212", runner(interface, provider=provider)) == []
 
 
 def test_a_provider_whose_interface_has_no_file() -> None:
     """Its own file says that it implements just this one: the file of that is what is missing."""
     lifts = Provider("lift/Motor", "lift/Go", described=True)
-    known = replace(LIBRARY, providers=(*LIBRARY.providers, lifts))
+    changed = replace(LIBRARY, providers=(*LIBRARY.providers, lifts))
     step = runner("lift/Go", provider="lift/Motor")
-    assert told("GP212", step, library=known) == []
-    assert [severity for _, severity, _, _ in told("GP201", step, library=known)] == ["error"]
+    assert messages("GP212", step, library=changed) == []
+    assert [severity for _, severity, _, _ in messages("GP201", step, library=changed)] == ["error"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.analysis.rules.support import GO_THERE, HEAR_IT, findings, runner, told
+from tests.analysis.rules.support import GO_THERE, HEAR_IT, findings, messages, runner
 
 # -- GP203 ----------------------------------------------------------------------------------
 
@@ -58,7 +58,7 @@ from tests.analysis.rules.support import GO_THERE, HEAR_IT, findings, runner, to
     ],
 )
 def test_an_unknown_parameter(step: str, message: str, hint: str) -> None:
-    assert told("GP203", step) == [(2, "warning", message, hint)]
+    assert messages("GP203", step) == [(2, "warning", message, hint)]
 
 
 def test_an_unknown_parameter_is_told_where_it_stands() -> None:
@@ -78,14 +78,14 @@ def test_an_unknown_parameter_is_told_where_it_stands() -> None:
     ],
 )
 def test_a_parameter_that_may_be_known(step: str) -> None:
-    assert told("GP203", step) == []
+    assert messages("GP203", step) == []
 
 
 # -- GP204 ----------------------------------------------------------------------------------
 
 
 def test_missing_parameters() -> None:
-    assert told("GP204", runner("nav/Go", 'speed="2"')) == [
+    assert messages("GP204", runner("nav/Go", 'speed="2"')) == [
         (
             2,
             "error",
@@ -97,9 +97,9 @@ def test_missing_parameters() -> None:
 
 
 def test_a_parameter_that_arrives_is_not_missing() -> None:
-    assert told("GP204", GO_THERE, runner("nav/Go", 'y="1"')) == []
+    assert messages("GP204", GO_THERE, runner("nav/Go", 'y="1"')) == []
     steps = [GO_THERE, HEAR_IT, runner("nav/Go", 'y="1"')]
-    assert [message for _, _, message, _ in told("GP204", *steps)] == [
+    assert [message for _, _, message, _ in messages("GP204", *steps)] == [
         "'x' is missing: Go (y=1) at line 4 needs it, and no other step can supply it"
     ]
 
@@ -110,10 +110,10 @@ def test_a_parameter_is_missing_whoever_decides(solver: str) -> None:
 
 
 def test_what_may_not_be_missing_is_left_alone() -> None:
-    assert told("GP204", runner("lift/Go"), runner("nav/Go", 'y="1"')) == []
-    assert told("GP204", runner("voice/Say")) == []
+    assert messages("GP204", runner("lift/Go"), runner("nav/Go", 'y="1"')) == []
+    assert messages("GP204", runner("voice/Say")) == []
     dead = f'<Control type="recovery">{runner("nav/Go")}</Control>'
-    assert told("GP204", dead) == []
+    assert messages("GP204", dead) == []
 
 
 # -- GP205 ----------------------------------------------------------------------------------
@@ -155,9 +155,9 @@ def test_what_may_not_be_missing_is_left_alone() -> None:
 )
 def test_a_mistyped_parameter(words: str, message: str, hint: str) -> None:
     step = runner("nav/Go", f'x="1" y="1" {words}')
-    assert told("GP205", step) == [(2, "error", f"Go expects {message}", hint)]
-    assert told("GP206", step) == []
-    assert told("GP207", step) == []
+    assert messages("GP205", step) == [(2, "error", f"Go expects {message}", hint)]
+    assert messages("GP206", step) == []
+    assert messages("GP207", step) == []
 
 
 @pytest.mark.parametrize(
@@ -177,8 +177,8 @@ def test_a_mistyped_parameter(words: str, message: str, hint: str) -> None:
     ],
 )
 def test_a_value_that_fits(words: str) -> None:
-    assert told("GP205", runner("nav/Go", f'x="1" y="1" {words}')) == []
-    assert told("GP205", runner("lift/Go", words)) == []
+    assert messages("GP205", runner("nav/Go", f'x="1" y="1" {words}')) == []
+    assert messages("GP205", runner("lift/Go", words)) == []
 
 
 # -- GP206 ----------------------------------------------------------------------------------
@@ -208,7 +208,7 @@ def test_a_value_that_fits(words: str) -> None:
     ],
 )
 def test_a_value_out_of_range(words: str, message: str, hint: str | None) -> None:
-    assert told("GP206", runner("nav/Go", words)) == [
+    assert messages("GP206", runner("nav/Go", words)) == [
         (2, "error", message, hint or "write an allowed value")
     ]
 
@@ -217,15 +217,15 @@ def test_a_value_out_of_range(words: str, message: str, hint: str | None) -> Non
     "words", ['x="10" y="999"', 'x="-10.0" speed="0"', 'tries="-9"', 'gait="$gait"', 'gait="creep"']
 )
 def test_a_value_in_range(words: str) -> None:
-    assert told("GP206", runner("nav/Go", words)) == []
+    assert messages("GP206", runner("nav/Go", words)) == []
 
 
 @pytest.mark.parametrize("words", ['speed="1" velocity="-1"', 'velocity="-1" speed="1"'])
 def test_a_second_name_that_is_ignored_is_not_judged(words: str) -> None:
     step = runner("nav/Go", f'x="1" y="1" {words}')
-    assert told("GP206", step) == []
-    assert len(told("GP203", step)) == 1
-    assert told("GP205", step.replace('"-1"', '"fast"')) == []
-    assert told("GP207", step.replace('"-1"', '"$fast"')) == []
+    assert messages("GP206", step) == []
+    assert len(messages("GP203", step)) == 1
+    assert messages("GP205", step.replace('"-1"', '"fast"')) == []
+    assert messages("GP207", step.replace('"-1"', '"$fast"')) == []
     # alone it counts
-    assert len(told("GP206", runner("nav/Go", 'x="1" y="1" velocity="-1"'))) == 1
+    assert len(messages("GP206", runner("nav/Go", 'x="1" y="1" velocity="-1"'))) == 1

@@ -19,9 +19,9 @@ from tests.analysis.rules.support import (
     HEAR_IT,
     LIBRARY,
     findings,
+    messages,
     plan,
     runner,
-    told,
 )
 from tests.support import plan_of
 
@@ -108,8 +108,8 @@ def test_no_advice_for_a_value_that_cannot_arrive() -> None:
     """Neither what nothing gives, nor what counts only if the plan writes it."""
     outside = runner("voice/Say", 'text="a" mood="$mood"')
     giving = replace(HEAR, outputs=(*HEAR.outputs, Output("mood")))
-    known = replace(LIBRARY, providers=(*LIBRARY.providers[:-1], giving))
-    for where in (LIBRARY, known):
+    changed = replace(LIBRARY, providers=(*LIBRARY.providers[:-1], giving))
+    for where in (LIBRARY, changed):
         assert [finding.hint for finding in findings("GP207", outside, library=where)] == [WRITE]
 
 
@@ -139,7 +139,7 @@ def test_no_placeholder_that_matters(step: str) -> None:
 
 
 def test_another_dialect_is_told_once_per_package() -> None:
-    found = findings(
+    reported = findings(
         "GP208",
         GO_THERE,
         runner("old_voice/Say", 'text="a"'),
@@ -147,7 +147,7 @@ def test_another_dialect_is_told_once_per_package() -> None:
         runner("old_voice/Listen"),
         runner("old_nav/Go"),
     )
-    assert [(finding.severity, finding.location.line, finding.message) for finding in found] == [
+    assert [(finding.severity, finding.location.line, finding.message) for finding in reported] == [
         (
             Severity.INFO,
             3,
@@ -158,19 +158,19 @@ def test_another_dialect_is_told_once_per_package() -> None:
         ),
         (Severity.INFO, 6, "the plan mixes dialects: 'old_nav/Go' is another name of 'nav/Go'"),
     ]
-    (related,) = found[0].related
+    (related,) = reported[0].related
     assert related.location.line == 5
     assert related.message == "'old_voice/Listen' is called 'voice/Hear'"
 
 
 def test_no_other_dialect() -> None:
-    assert told("GP208", GO_THERE, runner("bot/Go"), runner("lift/Go")) == []
+    assert messages("GP208", GO_THERE, runner("bot/Go"), runner("lift/Go")) == []
 
 
 def test_what_is_deprecated_is_told_once() -> None:
     crawl, creep = runner("nav/Crawl"), runner("nav/Go", 'x="1" y="1"', "nav/Creep")
-    found = findings("GP209", GO_THERE, creep, crawl, creep, crawl, crawl)
-    assert [(finding.severity, finding.location.line, finding.message) for finding in found] == [
+    reported = findings("GP209", GO_THERE, creep, crawl, creep, crawl, crawl)
+    assert [(finding.severity, finding.location.line, finding.message) for finding in reported] == [
         (
             Severity.WARNING,
             3,
@@ -183,8 +183,8 @@ def test_what_is_deprecated_is_told_once() -> None:
             "runners)",
         ),
     ]
-    assert [len(finding.related) for finding in found] == [1, 2]
-    assert told("GP209", GO_THERE) == []
+    assert [len(finding.related) for finding in reported] == [1, 2]
+    assert messages("GP209", GO_THERE) == []
 
 
 # -- GP210, GP211 ---------------------------------------------------------------------------
@@ -199,22 +199,22 @@ def test_undescribed_runners_are_told_once() -> None:
         "more, so their parameters, outputs and effects are not checked"
     )
     assert [related.location.line for related in finding.related] == [4, 5, 6, 7]
-    told_hint = "pass the folder of the robot's capability files with --capabilities DIR"
-    assert finding.hint == f"{told_hint}, or write 'bot/Go' if that is what you mean"
-    assert told("GP210", runner("lift/Stop")) == [
+    text = "pass the folder of the robot's capability files with --capabilities DIR"
+    assert finding.hint == f"{text}, or write 'bot/Go' if that is what you mean"
+    assert messages("GP210", runner("lift/Stop")) == [
         (
             2,
             "info",
             "no capability file describes 'lift/Stop', so its parameters, outputs and effects are "
             "not checked",
-            told_hint,
+            text,
         )
     ]
-    assert told("GP210", GO_THERE, runner("old_nav/Go")) == []
+    assert messages("GP210", GO_THERE, runner("old_nav/Go")) == []
 
 
 def test_a_complete_library_knows_every_runner() -> None:
-    assert told("GP210", runner("lift/Go"), runner("nav/Go"), library=COMPLETE) == []
+    assert messages("GP210", runner("lift/Go"), runner("nav/Go"), library=COMPLETE) == []
 
 
 def test_defective_capability_files() -> None:
@@ -260,33 +260,33 @@ def libraries(draw: st.DrawFn) -> Library:
 def test_every_runner_is_bound_or_told_once(library: Library, pairs: list[tuple[str, str]]) -> None:
     steps = [runner(interface, provider=provider) for interface, provider in pairs]
     parsed = plan_of(plan(*steps))
-    unbound = {found.line for found in parsed.runners if library.bind(found) is None}
-    told_lines: list[int] = []
+    unbound = {each.line for each in parsed.runners if library.bind(each) is None}
+    lines: list[int] = []
     for code in ("GP201", "GP202", "GP212"):
         for finding in findings(code, *steps, library=library):
             if "spellings of different dialects" not in finding.message:
-                told_lines.append(finding.location.line)
-                told_lines += [related.location.line for related in finding.related]
+                lines.append(finding.location.line)
+                lines += [related.location.line for related in finding.related]
     names = Names(library)
     undescribed = {
-        found.line
-        for found in parsed.runners
-        if found.line in unbound
-        and names.status(found.interface, found.provider) is Status.UNDESCRIBED
+        each.line
+        for each in parsed.runners
+        if each.line in unbound
+        and names.status(each.interface, each.provider) is Status.UNDESCRIBED
     }
     listed = findings("GP210", *steps, library=library)
     assert len(listed) == bool(undescribed)
     for finding in listed:
         assert finding.location.line == min(undescribed)
-    assert sorted([*told_lines, *undescribed]) == sorted(unbound)
+    assert sorted([*lines, *undescribed]) == sorted(unbound)
 
 
 def test_many_names_that_nobody_knows() -> None:
     steps = [runner(f"nav/Locate{number}", f'a{number}="1"') for number in range(300)]
-    found = findings("GP201", *steps)
-    assert len(found) == 300
-    assert "did you mean" in found[0].message
-    assert found[-1].message == "no file describes the interface 'nav/Locate299'"
+    reported = findings("GP201", *steps)
+    assert len(reported) == 300
+    assert "did you mean" in reported[0].message
+    assert reported[-1].message == "no file describes the interface 'nav/Locate299'"
 
 
 def test_a_heuristic_finding_says_so() -> None:

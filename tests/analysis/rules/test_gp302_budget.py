@@ -116,9 +116,9 @@ def test_an_engine_that_waits_for_what_does_not_start_is_no_paper(text: str, eng
     analysis = AnalysisOptions(faults=("no-start",), tolerate=1)
     check = CheckOptions(engine=engine, analysis=analysis, trees=False)
     report = check_text(text, "", check)
-    (found,) = [each for each in report.findings if each.rule == "GP703"]
-    assert found.location.line == 2
-    assert "WaypointRunner (x=1.0, y=0.0) at line 2 does not start" in found.message
+    (finding,) = [each for each in report.findings if each.rule == "GP703"]
+    assert finding.location.line == 2
+    assert "WaypointRunner (x=1.0, y=0.0) at line 2 does not start" in finding.message
     assert not gate_text(text, "", GateOptions(check)).accepted
     paper = replace(check, engine="paper")
     assert gate_text(text, "", GateOptions(paper)).accepted

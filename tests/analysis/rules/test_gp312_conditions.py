@@ -13,10 +13,10 @@ from tests.analysis.rules.support import (
     control,
     findings,
     library,
+    messages,
     places,
     provider,
     runner,
-    told,
 )
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ LOG = runner("model/Note", 'uuid="a" text="log: arrived"')
 
 def test_a_condition_as_recovery() -> None:
     steps = control("sequential", DRIVE, FILL), RECOVERY
-    assert told("GP312", *steps, library=LIBRARY) == [
+    assert messages("GP312", *steps, library=LIBRARY) == [
         (
             6,
             "warning",
@@ -92,16 +92,16 @@ def test_recoveries_are_told_from_the_outside_in_and_in_order() -> None:
     ],
 )
 def test_a_recovery_that_may_be_meant(guarded: str) -> None:
-    known = library(*LIBRARY.providers, SURE)
-    assert findings("GP312", guarded, RECOVERY, library=known) == []
+    capabilities = library(*LIBRARY.providers, SURE)
+    assert findings("GP312", guarded, RECOVERY, library=capabilities) == []
 
 
 def test_a_note_of_what_was_done_is_no_condition() -> None:
     """Nothing in the recovery reads it, and nothing asks anything."""
     steps = control("sequential", DRIVE, LOG)
     assert lines("GP312", steps, PLAIN, FLUSH) == []
-    told_too = control("recovery", runner("model/Note", 'uuid="a" text="log: lost"'), DRIVE)
-    assert lines("GP312", steps, told_too, FLUSH) == []
+    logged = control("recovery", runner("model/Note", 'uuid="a" text="log: lost"'), DRIVE)
+    assert lines("GP312", steps, logged, FLUSH) == []
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_a_prompt_that_asks_is_a_condition(words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "found"),
+    ("name", "expected"),
     [
         ("IF_NO_PERSON", True),
         ("door open?", True),
@@ -132,9 +132,9 @@ def test_a_prompt_that_asks_is_a_condition(words: str) -> None:
         ("check_error", False),
     ],
 )
-def test_a_recovery_whose_name_asks_is_a_condition(name: str, found: bool) -> None:
+def test_a_recovery_whose_name_asks_is_a_condition(name: str, expected: bool) -> None:
     recovery = control(f'recovery" name="{name}', DRIVE)
-    assert bool(lines("GP312", control("sequential", DRIVE, LOG), recovery)) is found
+    assert bool(lines("GP312", control("sequential", DRIVE, LOG), recovery)) is expected
 
 
 def test_a_recovery_that_sends_the_prompt_is_a_condition() -> None:
@@ -180,30 +180,30 @@ EYES = library(*LIBRARY.providers, LOOKS)
 LOOK = runner("eye/Look", 'ask="Is the door open?"')
 
 
-def seen(*steps: str, known: Library = EYES, **options: Any) -> list[int]:
-    return [each.location.line for each in findings("GP312", *steps, library=known, **options)]
+def seen(*steps: str, described: Library = EYES, **options: Any) -> list[int]:
+    return [each.location.line for each in findings("GP312", *steps, library=described, **options)]
 
 
 def test_a_question_that_is_answered_in_words() -> None:
-    (found,) = told("GP312", LOOK, PLAIN, library=EYES)
-    assert found[:3] == (
+    (actual,) = messages("GP312", LOOK, PLAIN, library=EYES)
+    assert actual[:3] == (
         3,
         "warning",
         "Look (ask=Is the door open?) at line 2 succeeds whatever the answer is, "
         "so this recovery runs only if there is no answer at all",
     )
-    assert found[3].startswith("let the model decide")  # this robot has no runner that checks
-    (found,) = told("GP312", LOOK, PLAIN, library=library(*EYES.providers, CHECKS))
-    assert found[3] == (
+    assert actual[3].startswith("let the model decide")  # this robot has no runner that checks
+    (actual,) = messages("GP312", LOOK, PLAIN, library=library(*EYES.providers, CHECKS))
+    assert actual[3] == (
         "ask with a Check, which fails if the answer is no, and put the recovery after it"
     )
     only_checks = library(*LIBRARY.providers, CHECKS)
-    asked = runner("eye/Check", 'prompt="Is the door open?"')
-    assert seen(asked, PLAIN, known=only_checks) == []
+    step = runner("eye/Check", 'prompt="Is the door open?"')
+    assert seen(step, PLAIN, described=only_checks) == []
 
 
 @pytest.mark.parametrize(
-    ("question", "found"),
+    ("question", "expected"),
     [
         ("Is there a person?", True),
         ("Look well. Is it empty?", True),
@@ -216,9 +216,9 @@ def test_a_question_that_is_answered_in_words() -> None:
         ("", False),
     ],
 )
-def test_only_questions_for_yes_or_no(question: str, found: bool) -> None:
+def test_only_questions_for_yes_or_no(question: str, expected: bool) -> None:
     asking = runner("eye/Look", f'ask="{question}"')
-    assert bool(seen(asking, PLAIN)) is found
+    assert bool(seen(asking, PLAIN)) is expected
     named = control('recovery" name="if_nobody_is_there', DRIVE)
     assert seen(asking, named) == [3]
 
@@ -247,8 +247,8 @@ def test_an_answer_in_the_recovery_is_no_trouble() -> None:
 def test_a_question_before_other_steps_counts_if_the_recovery_is_named_after_it() -> None:
     block = control("sequential", LOOK, DRIVE)
     assert seen(block, PLAIN) == []
-    (found,) = told("GP312", block, control('recovery" name="not_open', DRIVE), library=EYES)
-    assert found[2].endswith("if there is no answer at all, or Drive at line 4 fails")
+    (actual,) = messages("GP312", block, control('recovery" name="not_open', DRIVE), library=EYES)
+    assert actual[2].endswith("if there is no answer at all, or Drive at line 4 fails")
     failed = control('recovery" name="if_not_failed', DRIVE)
     other = control("sequential", DRIVE, LOOK)
     assert seen(other, PLAIN) == [6]

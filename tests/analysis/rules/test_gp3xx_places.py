@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from tests.analysis.rules.support import control, findings, runner, told
+from tests.analysis.rules.support import control, findings, messages, runner
 
 A, B, C = (runner("arm/Move", f'to="{name}"') for name in "abc")
 NOTHING = control("sequential")
 
 
 def shown(code: str, *steps: str) -> list[tuple[int, str]]:
-    return [(line, message) for line, _, message, _ in told(code, *steps)]
+    return [(line, message) for line, _, message, _ in messages(code, *steps)]
 
 
 def test_a_recovery_of_what_cannot_fail_is_no_runner_cut_off() -> None:
@@ -74,7 +74,7 @@ def test_orphans_are_told_at_the_block_that_has_something_to_leave_behind() -> N
 @pytest.mark.parametrize(("number", "said"), [(1, "a defect"), (2, "2 defects"), (4, "4 defects")])
 def test_defects_of_capability_files_are_counted(number: int, said: str) -> None:
     defects = [f"robot.yaml:{line}:1: no" for line in range(1, number + 1)]
-    (found,) = findings("GP211", A, defects=defects)
+    (finding,) = findings("GP211", A, defects=defects)
     more = "; and 1 more" if number == 4 else ""
-    assert found.message == f"the capability files have {said}: {'; '.join(defects[:3])}{more}"
-    assert (found.location.line, found.location.column, found.length) == (1, 1, 1)
+    assert finding.message == f"the capability files have {said}: {'; '.join(defects[:3])}{more}"
+    assert (finding.location.line, finding.location.column, finding.length) == (1, 1, 1)

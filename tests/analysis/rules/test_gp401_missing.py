@@ -13,11 +13,11 @@ from tests.analysis.rules.support import (
     control,
     findings,
     library,
+    messages,
     places,
     provider,
     runner,
     story,
-    told,
 )
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def only(*steps: str, **options: Any) -> Finding:
 
 
 def test_nothing_comes_before_it() -> None:
-    assert told("GP401", TELL, library=LIBRARY) == [
+    assert messages("GP401", TELL, library=LIBRARY) == [
         (
             2,
             "error",
@@ -80,13 +80,13 @@ def test_nothing_comes_before_it() -> None:
             WRITE,
         )
     ]
-    found = only(TELL)
-    assert (found.location.column, found.length, found.location.element) == (
+    finding = only(TELL)
+    assert (finding.location.column, finding.length, finding.location.element) == (
         1,
         7,
         "/Plan/Runner[1]",
     )
-    assert found.scenario is None
+    assert finding.scenario is None
 
 
 @pytest.mark.parametrize(
@@ -127,11 +127,11 @@ def test_nothing_comes_before_it() -> None:
     ],
 )
 def test_why_nothing_gives_it(steps: list[str], line: int, reason: str, related: list[int]) -> None:
-    found = only(*steps)
-    assert found.location.line == line
-    assert found.message.partition(", but no step provides it: ")[2] == reason
+    finding = only(*steps)
+    assert finding.location.line == line
+    assert finding.message.partition(", but no step provides it: ")[2] == reason
     text = "outputs 'text', but only to its direct successor"
-    assert places(found) == [(number, text) for number in related]
+    assert places(finding) == [(number, text) for number in related]
 
 
 def test_only_the_two_nearest_that_give_it_are_named() -> None:
@@ -139,26 +139,26 @@ def test_only_the_two_nearest_that_give_it_are_named() -> None:
 
 
 def test_a_value_that_comes_only_sometimes() -> None:
-    found = only(GLANCE, TELL)
-    assert found.message == (
+    finding = only(GLANCE, TELL)
+    assert finding.message == (
         "Tell at line 3 needs 'text', but not every run provides it: Glance at "
         "line 2 outputs it only sometimes"
     )
-    assert (found.severity, found.hint) == (Severity.ERROR, WRITE)
+    assert (finding.severity, finding.hint) == (Severity.ERROR, WRITE)
 
 
 def test_several_needs_are_one_finding() -> None:
-    found = only(DRIVE, runner("mind/Two"))
-    assert found.message == (
+    finding = only(DRIVE, runner("mind/Two"))
+    assert finding.message == (
         "Two at line 3 needs 'a' and 'b', but no step provides them: Drive at "
         "line 2, the step right before it, outputs nothing"
     )
-    assert found.hint == (
+    assert finding.hint == (
         "write a=\"…\" in the plan, and put a step that outputs 'b' right before this one"
     )
-    found = only(runner("mind/Two", 'first="1"'))
-    assert "needs 'b', but" in found.message
-    assert found.hint == PUT
+    finding = only(runner("mind/Two", 'first="1"'))
+    assert "needs 'b', but" in finding.message
+    assert finding.hint == PUT
 
 
 @pytest.mark.parametrize(
@@ -180,20 +180,20 @@ def test_what_to_do_depends_on_where_it_may_come_from(name: str, hint: str) -> N
 
 def test_a_failure_hands_over_its_own_outputs() -> None:
     assert missing(TRY, control("recovery", TELL)) == []
-    found = only(LOOK, control("recovery", TELL))
-    assert found.message.endswith(
+    finding = only(LOOK, control("recovery", TELL))
+    assert finding.message.endswith(
         "it runs after Look at line 2 has failed, which outputs nothing in that case"
     )
-    assert places(found) == []
-    assert story(found) == ["COMPLETED", "Look at line 2 fails", "Tell at line 4 is running"]
+    assert places(finding) == []
+    assert story(finding) == ["COMPLETED", "Look at line 2 fails", "Tell at line 4 is running"]
 
 
 def test_the_chain_of_starts_hands_over_nothing() -> None:
     steps = LOOK, control("parallel_all", TELL, TELL)
     assert missing(*steps) == []
-    found = only(*steps, faults=("no-start",))
-    assert found.location.line == 5
-    assert found.message.endswith(
+    finding = only(*steps, faults=("no-start",))
+    assert finding.location.line == 5
+    assert finding.message.endswith(
         "it runs as soon as Tell at line 4 has started, which outputs nothing at that point"
     )
 

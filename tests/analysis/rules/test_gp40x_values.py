@@ -12,11 +12,11 @@ from tests.analysis.rules.support import (
     control,
     findings,
     library,
+    messages,
     places,
     provider,
     runner,
     story,
-    told,
 )
 
 if TYPE_CHECKING:
@@ -58,12 +58,12 @@ ASK, SAY = runner("voice/Tell", 'text="$text"'), runner("voice/Tell", 'text="hel
 SNIFF, GLANCE, TRY = runner("eye/Sniff"), runner("eye/Glance"), runner("eye/Try")
 
 
-def found(code: str, *steps: str, **options: Any) -> list[Finding]:
+def findings_of(code: str, *steps: str, **options: Any) -> list[Finding]:
     return findings(code, *steps, library=LIBRARY, **options)
 
 
 def only(code: str, *steps: str, **options: Any) -> Finding:
-    (finding,) = found(code, *steps, **options)
+    (finding,) = findings_of(code, *steps, **options)
     return finding
 
 
@@ -71,7 +71,7 @@ def only(code: str, *steps: str, **options: Any) -> Finding:
 
 
 def test_a_lost_value() -> None:
-    assert told("GP402", LOOK, DRIVE, ASK, library=LIBRARY) == [
+    assert messages("GP402", LOOK, DRIVE, ASK, library=LIBRARY) == [
         (
             4,
             "error",
@@ -120,7 +120,7 @@ PARALLEL = "no value passes the end of the parallel_all at line 2"
     ],
 )
 def test_where_a_value_gets_lost(steps: list[str], giver: str, reason: str) -> None:
-    (finding,) = found("GP402", *steps)
+    (finding,) = findings_of("GP402", *steps)
     assert f"the output 'text' of {giver} does not reach this step" in finding.message
     assert finding.message.partition(", because ")[2] == reason
 
@@ -141,14 +141,14 @@ def test_the_giver_right_before_is_meant_before_the_nearest() -> None:
 
 
 def test_a_placeholder_with_another_name_is_not_looked_up() -> None:
-    assert found("GP402", LOOK, DRIVE, runner("voice/Tell", 'text="{name}"')) != []
-    assert found("GP402", LOOK, DRIVE, runner("mind/Alias", 'text="$text"')) == []
-    assert found("GP402", LOOK, DRIVE, runner("mind/Want", 'size="$text"')) == []
+    assert findings_of("GP402", LOOK, DRIVE, runner("voice/Tell", 'text="{name}"')) != []
+    assert findings_of("GP402", LOOK, DRIVE, runner("mind/Alias", 'text="$text"')) == []
+    assert findings_of("GP402", LOOK, DRIVE, runner("mind/Want", 'size="$text"')) == []
 
 
 def test_the_chain_of_starts_loses_what_else_arrives() -> None:
     steps = LOOK, control("parallel_all", DRIVE, ASK)
-    assert found("GP402", *steps) == []
+    assert findings_of("GP402", *steps) == []
     assert only("GP402", *steps, faults=("no-start",)).location.line == 5
 
 
@@ -168,20 +168,20 @@ def test_the_chain_of_starts_loses_what_else_arrives() -> None:
     ],
 )
 def test_no_value_gets_lost(steps: list[str]) -> None:
-    assert found("GP402", *steps) == []
+    assert findings_of("GP402", *steps) == []
 
 
 def test_values_of_runs_that_cannot_be_are_not_lost() -> None:
     steps = LOOK, DRIVE, ASK
     for line in (2, 3):
-        assert found("GP402", *steps, assumptions=(f"always fails: line {line}",)) == []
+        assert findings_of("GP402", *steps, assumptions=(f"always fails: line {line}",)) == []
 
 
 # -- GP403 ----------------------------------------------------------------------------------
 
 
 def test_an_overwritten_literal() -> None:
-    assert told("GP403", LOOK, SAY, library=LIBRARY) == [
+    assert messages("GP403", LOOK, SAY, library=LIBRARY) == [
         (
             3,
             "warning",
@@ -226,8 +226,8 @@ def test_a_failure_overwrites_too() -> None:
 
 def test_each_unit_of_a_parallel_gets_the_value() -> None:
     steps = LOOK, control("parallel_all", SAY, SAY)
-    assert [finding.location.line for finding in found("GP403", *steps)] == [4, 5]
-    (finding,) = found("GP403", *steps, faults=("no-start",))
+    assert [finding.location.line for finding in findings_of("GP403", *steps)] == [4, 5]
+    (finding,) = findings_of("GP403", *steps, faults=("no-start",))
     assert finding.location.line == 4
 
 
@@ -245,18 +245,18 @@ def test_each_unit_of_a_parallel_gets_the_value() -> None:
     ],
 )
 def test_no_literal_is_overwritten(steps: list[str]) -> None:
-    assert found("GP403", *steps) == []
+    assert findings_of("GP403", *steps) == []
 
 
 def test_a_literal_that_is_never_used_is_not_overwritten() -> None:
-    assert found("GP403", LOOK, SAY, assumptions=("always fails: line 2",)) == []
+    assert findings_of("GP403", LOOK, SAY, assumptions=("always fails: line 2",)) == []
 
 
 # -- GP404 ----------------------------------------------------------------------------------
 
 
 def test_an_unused_output() -> None:
-    assert told("GP404", LOOK, library=LIBRARY) == [
+    assert messages("GP404", LOOK, library=LIBRARY) == [
         (
             2,
             "info",
@@ -267,7 +267,7 @@ def test_an_unused_output() -> None:
 
 
 def test_unused_outputs_are_told_once_per_interface() -> None:
-    first, second = found("GP404", LOOK, SNIFF, LOOK, DRIVE, LOOK)
+    first, second = findings_of("GP404", LOOK, SNIFF, LOOK, DRIVE, LOOK)
     assert first.message == "nothing uses the output of Look at line 2: 'text' (2 more like this)"
     assert [line for line, _ in places(first)] == [4, 6]
     assert second.message == "nothing uses the output of Sniff at line 3: 'text'"
@@ -291,7 +291,7 @@ def test_unused_outputs_are_told_once_per_interface() -> None:
     ],
 )
 def test_an_output_is_used_or_cannot_be(steps: list[str]) -> None:
-    assert found("GP404", *steps) == []
+    assert findings_of("GP404", *steps) == []
 
 
 @pytest.mark.parametrize("faults", [(), ("no-start",)])
@@ -300,15 +300,15 @@ def test_who_starts_beside_a_runner_reads_nothing(faults: tuple[str, ...]) -> No
     stranger = runner("lift/Go")
     finding = only("GP404", control("parallel_all", LOOK, stranger), faults=faults)
     assert finding.message == "nothing uses the output of Look at line 3: 'text'"
-    assert found("GP404", TRY, control("recovery", stranger), faults=faults) == []
-    assert found("GP404", LOOK, stranger, faults=faults) == []
+    assert findings_of("GP404", TRY, control("recovery", stranger), faults=faults) == []
+    assert findings_of("GP404", LOOK, stranger, faults=faults) == []
 
 
 def test_an_alias_reads_nothing() -> None:
     assert only("GP404", LOOK, runner("mind/Alias")).location.line == 2
     assert "'text' and 'list'" in only("GP404", runner("eye/Measure"), DRIVE).message
     # One output that is read is enough.
-    assert found("GP404", runner("eye/Measure"), SAY) == []
+    assert findings_of("GP404", runner("eye/Measure"), SAY) == []
 
 
 # -- GP405 ----------------------------------------------------------------------------------
@@ -317,17 +317,17 @@ def test_an_alias_reads_nothing() -> None:
 def test_a_mismatched_value() -> None:
     measure, want = runner("eye/Measure"), runner("mind/Want")
     hint = "put a step that outputs no value of this name between the two"
-    assert told("GP405", measure, want, library=LIBRARY) == [
+    assert messages("GP405", measure, want, library=LIBRARY) == [
         (
             3,
             "error",
             f"Want at line 3 expects '{name}' of type {wanted}, but Measure at line 2 outputs "
-            f"it as {given}",
+            f"it as {value}",
             hint,
         )
-        for name, wanted, given in (("list", "string", "string[]"), ("text", "int", "double"))
+        for name, wanted, value in (("list", "string", "string[]"), ("text", "int", "double"))
     ]
-    finding, _ = found("GP405", measure, want)
+    finding, _ = findings_of("GP405", measure, want)
     assert places(finding) == [(2, "outputs 'list'")]
 
 
@@ -346,7 +346,7 @@ def test_a_mismatch_behind_a_failure_has_a_scenario() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "wanted", "fits"),
+    ("written", "wanted", "fits"),
     [
         ("double", "string", True),
         ("bool", "string", True),
@@ -362,9 +362,9 @@ def test_a_mismatch_behind_a_failure_has_a_scenario() -> None:
         ("double[]", "double[]", True),
     ],
 )
-def test_which_types_fit(given: str, wanted: str, fits: bool) -> None:
+def test_which_types_fit(written: str, wanted: str, fits: bool) -> None:
     small = library(
-        provider("a/Give", outputs=(Output("n", ValueType(given)),)),
+        provider("a/Give", outputs=(Output("n", ValueType(written)),)),
         provider("a/Take", inputs=(Input("n", ValueType(wanted)),)),
         provider("a/Set", configuration=(Parameter("n", ValueType(wanted)),)),
         provider("a/Other", inputs=(Input("m", ValueType(wanted)),)),
@@ -377,5 +377,5 @@ def test_which_types_fit(given: str, wanted: str, fits: bool) -> None:
 
 def test_a_value_that_does_not_arrive_has_no_type() -> None:
     measure, want = runner("eye/Measure"), runner("mind/Want")
-    assert found("GP405", measure, control("recovery", DRIVE), want) == []
-    assert found("GP405", measure, want, assumptions=("always fails: line 2",)) == []
+    assert findings_of("GP405", measure, control("recovery", DRIVE), want) == []
+    assert findings_of("GP405", measure, want, assumptions=("always fails: line 2",)) == []

@@ -19,18 +19,18 @@ from tests.analysis.rules.prompting import (
     NAME,
     READ,
     STRANGER,
-    found,
+    findings_of,
     lines,
     only,
 )
-from tests.analysis.rules.support import control, places, runner, story, told
+from tests.analysis.rules.support import control, messages, places, runner, story
 
 # -- GP413 ----------------------------------------------------------------------------------
 
 
 def test_a_flush_of_another_buffer() -> None:
     third = runner("model/Note", 'uuid="c"')
-    assert told("GP413", FILL, third, FILL, FLUSH_B, library=LIBRARY) == [
+    assert messages("GP413", FILL, third, FILL, FLUSH_B, library=LIBRARY) == [
         (
             5,
             "warning",
@@ -87,7 +87,7 @@ def test_buffers_that_are_not_mixed(steps: list[str]) -> None:
 
 
 def test_an_empty_plan_is_set() -> None:
-    assert told("GP414", ASK, FOLLOW, library=LIBRARY) == [
+    assert messages("GP414", ASK, FOLLOW, library=LIBRARY) == [
         (
             2,
             "error",
@@ -120,7 +120,7 @@ def test_an_empty_answer_behind_a_failure_has_a_scenario() -> None:
 
 
 def test_each_reader_is_told() -> None:
-    assert len(found("GP414", ASK, control("parallel_all", READ, READ))) == 2
+    assert len(findings_of("GP414", ASK, control("parallel_all", READ, READ))) == 2
 
 
 @pytest.mark.parametrize(
@@ -154,5 +154,5 @@ def test_no_empty_answer(steps: list[str]) -> None:
 )
 def test_whoever_decides(solver: str, steps: list[str]) -> None:
     for code in ("GP411", "GP412", "GP413", "GP414"):
-        assert found(code, *steps, solver=solver) == found(code, *steps)
-    assert sum(len(found(code, *steps)) for code in ("GP411", "GP412", "GP413", "GP414")) >= 2
+        assert findings_of(code, *steps, solver=solver) == findings_of(code, *steps)
+    assert sum(len(findings_of(code, *steps)) for code in ("GP411", "GP412", "GP413", "GP414")) >= 2

@@ -18,17 +18,17 @@ from tests.analysis.rules.prompting import (
     LONE,
     NAME,
     STRANGER,
-    found,
+    findings_of,
     lines,
     only,
 )
-from tests.analysis.rules.support import control, places, runner, story, told
+from tests.analysis.rules.support import control, messages, places, runner, story
 
 # -- GP411 ----------------------------------------------------------------------------------
 
 
 def test_a_buffer_that_nothing_flushes() -> None:
-    assert told("GP411", FILL, DRIVE, FILL, library=LIBRARY) == [
+    assert messages("GP411", FILL, DRIVE, FILL, library=LIBRARY) == [
         (
             2,
             "warning",
@@ -43,7 +43,7 @@ def test_a_buffer_that_nothing_flushes() -> None:
 
 
 def test_each_buffer_is_told() -> None:
-    messages = [finding.message for finding in found("GP411", FILL, FILL_B, FILL)]
+    messages = [finding.message for finding in findings_of("GP411", FILL, FILL_B, FILL)]
     assert [message[-len("the buffer 'a'") :] for message in messages] == [
         "the buffer 'a'",
         "the buffer 'b'",
@@ -57,7 +57,7 @@ def test_a_prompt_without_uuid_has_a_buffer_to_itself() -> None:
     )
     hint = 'set flush="true" to send it, or give it the uuid of a prompt that is flushed later'
     silent = runner("model/Note", 'flush="false"')
-    assert told("GP411", runner("model/Note"), LONE, silent, library=LIBRARY) == [
+    assert messages("GP411", runner("model/Note"), LONE, silent, library=LIBRARY) == [
         (2, "warning", message.format("", 2), hint),
         (4, "warning", message.format(" (flush=false)", 4), hint),
     ]
@@ -216,7 +216,7 @@ SEND = (
 
 
 def test_a_buffer_that_nothing_fills() -> None:
-    assert told("GP412", FLUSH, DRIVE, FLUSH, library=LIBRARY) == [
+    assert messages("GP412", FLUSH, DRIVE, FLUSH, library=LIBRARY) == [
         (
             line,
             "warning",

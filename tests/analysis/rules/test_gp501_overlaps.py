@@ -303,9 +303,9 @@ def test_durations_can_exclude_an_overlap(
     ],
 )
 def test_whoever_decides(solver: str, steps: list[str]) -> None:
-    found = overlaps(*steps, solver=solver)
-    assert found == overlaps(*steps)
-    assert found
+    overlapping = overlaps(*steps, solver=solver)
+    assert overlapping == overlaps(*steps)
+    assert overlapping
 
 
 def test_every_decider_knows_scenarios_with_clocks() -> None:

@@ -18,10 +18,10 @@ def test_a_real_run_adds_its_allowance_once_and_for_each_action(
     # two actions of 10 s, and 1 s three times: as the run begins, and for each action
     options = AnalysisOptions(deadline_s=deadline_s, allowance_s=1.0)
     report = check_text(plan(wait(10), wait(10)), "plan.xml", CheckOptions(analysis=options))
-    found = [finding.message for finding in report.findings if finding.rule == "GP502"]
-    assert bool(found) is late
+    messages = [finding.message for finding in report.findings if finding.rule == "GP502"]
+    assert bool(messages) is late
     assert all(
-        "plus 3 s for the overhead of a real run of up to 2 actions" in each for each in found
+        "plus 3 s for the overhead of a real run of up to 2 actions" in each for each in messages
     )
 
 

@@ -29,9 +29,11 @@ def checked(
     *steps: str,
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
-    known: Library = prompting.LIBRARY,
+    described: Library = prompting.LIBRARY,
 ) -> PlanReport:
-    options = CheckOptions(selection=Selection.of(select, ignore), capabilities=Capabilities(known))
+    options = CheckOptions(
+        selection=Selection.of(select, ignore), capabilities=Capabilities(described)
+    )
     return check_text(plan(*steps), "plan.xml", options)
 
 
@@ -39,10 +41,10 @@ def shown(
     *steps: str,
     select: Sequence[str] = BUFFERS,
     ignore: Sequence[str] = (),
-    known: Library = prompting.LIBRARY,
+    described: Library = prompting.LIBRARY,
 ) -> list[tuple[str, int]]:
-    found = checked(*steps, select=select, ignore=ignore, known=known).findings
-    return [(finding.rule, finding.location.line) for finding in found]
+    findings = checked(*steps, select=select, ignore=ignore, described=described).findings
+    return [(finding.rule, finding.location.line) for finding in findings]
 
 
 def test_what_mixed_buffers_tell_is_there_without_that_rule() -> None:
@@ -113,25 +115,25 @@ VALUES = ("GP207", "GP401", "GP403")
 
 
 def test_a_literal_that_does_not_count_is_told_once() -> None:
-    assert shown(GLANCE, KEEP, select=VALUES, known=NEEDS) == [("GP401", 3)]
-    assert shown(GLANCE, KEEP, select=["GP403"], known=NEEDS) == [("GP403", 3)]
+    assert shown(GLANCE, KEEP, select=VALUES, described=NEEDS) == [("GP401", 3)]
+    assert shown(GLANCE, KEEP, select=["GP403"], described=NEEDS) == [("GP403", 3)]
     both = runner("mind/Both", 'text="hello" a="b"')
-    assert shown(runner("eye/Peek"), both, select=VALUES, known=NEEDS) == [("GP401", 3)]
-    assert shown(runner("eye/Peek"), both, select=["GP403"], known=NEEDS) == [("GP403", 3)]
+    assert shown(runner("eye/Peek"), both, select=VALUES, described=NEEDS) == [("GP401", 3)]
+    assert shown(runner("eye/Peek"), both, select=["GP403"], described=NEEDS) == [("GP403", 3)]
 
 
 def test_a_placeholder_where_what_the_plan_writes_does_not_count() -> None:
     for before in (BASE, GLANCE):
-        assert shown(before, WANTED, select=VALUES, known=NEEDS) == [("GP401", 3)]
-        assert shown(before, WANTED, select=["GP207"], known=NEEDS) == []
-    assert shown(runner("lift/Go"), WANTED, select=VALUES, known=NEEDS) == []
+        assert shown(before, WANTED, select=VALUES, described=NEEDS) == [("GP401", 3)]
+        assert shown(before, WANTED, select=["GP207"], described=NEEDS) == []
+    assert shown(runner("lift/Go"), WANTED, select=VALUES, described=NEEDS) == []
 
 
 def test_another_value_of_the_same_runner_is_told() -> None:
     two = runner("mind/Two", 'text="$text"')
-    assert shown(BASE, two, select=VALUES, known=NEEDS) == [("GP401", 3), ("GP207", 3)]
+    assert shown(BASE, two, select=VALUES, described=NEEDS) == [("GP401", 3), ("GP207", 3)]
     two = runner("mind/Two", 'text="hello"')
-    assert shown(GLANCE, two, select=VALUES, known=NEEDS) == [("GP401", 3), ("GP403", 3)]
+    assert shown(GLANCE, two, select=VALUES, described=NEEDS) == [("GP401", 3), ("GP403", 3)]
 
 
 def test_a_lost_placeholder_is_still_found_without_the_rule_that_tells_more() -> None:
@@ -143,7 +145,7 @@ def test_a_lost_placeholder_is_still_found_without_the_rule_that_tells_more() ->
         '<Runner interface="perception_capabilities/SpeechRunner" '
         'provider="perception_capabilities/SpeechRunner" text="$text"/></Plan>'
     )
-    shown = [found.rule for found in gpsfsm.check(text, select=["GP2", "GP4"]).plans[0].findings]
+    shown = [each.rule for each in gpsfsm.check(text, select=["GP2", "GP4"]).plans[0].findings]
     assert (shown.count("GP402"), shown.count("GP207")) == (1, 0)
     alone = gpsfsm.check(text, select=["GP2"]).plans[0].findings
-    assert [found.rule for found in alone] == ["GP207"]
+    assert [each.rule for each in alone] == ["GP207"]

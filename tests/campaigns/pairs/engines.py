@@ -24,16 +24,16 @@ def judge(case: tuple[str, str]) -> Iterator[str]:
     facts = facts_of(reading)
     machine = Machine(reading.connections)
     played = [machine.ends(scenario) for scenario in scenarios(machine)]
-    ends = [found for found, _ in played]
+    ends = [one for one, _ in played]
     reached = set().union(*(some for _, some in played))
     assert facts.engine is not None
-    for end, found in (
+    for end, claimed in (
         ("COMPLETED", facts.completes),
         ("HANG", facts.engine.hangs),
         ("ABORT", facts.engine.aborts),
     ):
-        assert found is frequency(ends, end), end
-        yield f"{end} {found}"
+        assert claimed is frequency(ends, end), end
+        yield f"{end} {claimed}"
     of_element = {
         each.source.element: number
         for number, each in machine.of.items()

@@ -31,9 +31,9 @@ def _texts() -> st.SearchStrategy[str]:
 
 def judge(text: str) -> Iterator[str]:
     """RELAX NG, XSD and the front end say the same of a text."""
-    found = _verdicts(text)
-    assert len(set(found.values())) == 1, found
-    yield "accepted" if found["front end"] else "refused"
+    verdicts = _verdicts(text)
+    assert len(set(verdicts.values())) == 1, verdicts
+    yield "accepted" if verdicts["front end"] else "refused"
 
 
 @cache

@@ -31,12 +31,12 @@ _ENDS = {"completes": "COMPLETED", "gives_up": "GAVE_UP", "stuck": "STUCK"}
 
 def _decided(whole: oracle.P, **options: Any) -> dict[str, Any] | None:
     """The facts that need no durations: those of the brute force."""
-    found = facts_as_dict(decided(whole, **options).facts())
-    if found is not None:
-        assert found.pop("makespan") is None
-        assert found.pop("energy") is None
-        found.pop("loaded")
-    return found
+    facts = facts_as_dict(decided(whole, **options).facts())
+    if facts is not None:
+        assert facts.pop("makespan") is None
+        assert facts.pop("energy") is None
+        facts.pop("loaded")
+    return facts
 
 
 def executed(whole: oracle.P, models: frozenset[str] = frozenset()) -> dict[str, Any]:
@@ -93,8 +93,8 @@ def judge(whole: oracle.P) -> Iterator[str]:
     by_z3 = _decided(whole, solver="z3")
     assert by_structure == wanted, "the structural pass differs from brute force"
     assert by_z3 == wanted, "z3 differs from brute force"
-    for name, found in executed(whole).items():
-        assert found == wanted[name], f"the executor differs in {name}"
+    for name, frequency in executed(whole).items():
+        assert frequency == wanted[name], f"the executor differs in {name}"
     yield f"{wanted['runners']} runners"
     yield f"completes {wanted['completes']}"
     yield from {f"join deadlock {each['effect']}" for each in wanted["join_deadlocks"]}
@@ -124,8 +124,8 @@ def judge_options(case: tuple[oracle.P, frozenset[str], bool, Any]) -> Iterator[
     assert _decided(whole, solver="z3", **options) == wanted, "z3 differs from brute force"
     assert _decided(whole, solver="auto", **options) == wanted, "auto differs from brute force"
     if constraint is None and not consistent and wanted is not None:
-        for name, found in executed(whole, models).items():
-            assert found == wanted[name], f"the executor differs in {name}"
+        for name, frequency in executed(whole, models).items():
+            assert frequency == wanted[name], f"the executor differs in {name}"
         yield "executed"
     yield "contradictory" if wanted is None else f"stuck {wanted['stuck']}"
 

@@ -22,9 +22,9 @@ def judge(case: tuple[oracle.P, frozenset[str]]) -> Iterator[str]:
     """The scenarios of both deciders are those of the brute force, and what they show is true."""
     whole, models = case
     for solver in ("z3", "structural") if not models else ("z3",):
-        found = decided(whole, faults=models, solver=solver)
-        check_canonical(whole, found, faults=models)
-    for finding in findings_of(found):
+        decision = decided(whole, faults=models, solver=solver)
+        check_canonical(whole, decision, faults=models)
+    for finding in findings_of(decision):
         if finding.scenario is None:
             continue
         end = _ENDS[finding.scenario.ends]

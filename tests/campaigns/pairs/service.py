@@ -56,8 +56,8 @@ def _operations() -> list[Any]:
     import schemathesis
 
     schema = schemathesis.openapi.from_url(f"{_service().address}/openapi.json")
-    found = [each.ok() for each in schema.get_all_operations()]
-    return [each for each in found if each.path not in _LEFT_OUT]
+    actual = [each.ok() for each in schema.get_all_operations()]
+    return [each for each in actual if each.path not in _LEFT_OUT]
 
 
 @st.composite
@@ -65,12 +65,12 @@ def _sensible(draw: st.DrawFn, requests: st.SearchStrategy[Any]) -> Any:
     """Requests with texts and numbers that are likely to stand for something."""
     case = draw(requests)
     if isinstance(case.body, dict):
-        known = {"plan": _PLANS, "task": [_TASK]}
-        for name, texts in known.items():
+        examples = {"plan": _PLANS, "task": [_TASK]}
+        for name, texts in examples.items():
             if isinstance(case.body.get(name), str) and draw(st.integers(0, 3)):
                 case.body = {**case.body, name: draw(st.sampled_from(texts))}
         if draw(st.booleans()):  # what else is asked for mostly contradicts itself
-            kept = (*known, "speed")
+            kept = (*examples, "speed")
             case.body = {name: said for name, said in case.body.items() if name in kept}
     numbers = {"plan": st.integers(1, 9), "rule": st.sampled_from(["GP302", "GP999"])}
     for name in case.path_parameters or {}:
@@ -95,10 +95,10 @@ def judge(case: Any) -> Iterator[str]:
     from schemathesis.checks import not_a_server_error
     from schemathesis.specs.openapi import checks
 
-    found = case.call(timeout=60)
-    if found.status_code not in (503, 504):  # too much at once is no defect
+    response = case.call(timeout=60)
+    if response.status_code not in (503, 504):  # too much at once is no defect
         # 501 is an answer: the service was started without what is asked for (--real here).
-        defects = [] if found.status_code == 501 else [not_a_server_error]
+        defects = [] if response.status_code == 501 else [not_a_server_error]
         wanted = [
             *defects,
             checks.status_code_conformance,
@@ -107,10 +107,10 @@ def judge(case: Any) -> Iterator[str]:
             checks.response_schema_conformance,
         ]
         try:
-            case.validate_response(found, checks=wanted)
+            case.validate_response(response, checks=wanted)
         except BaseExceptionGroup as failed:  # not an Exception: it would end the campaign
             raise AssertionError("\n".join(map(str, failed.exceptions))) from None
-    yield f"{case.operation.method.upper()} {case.operation.path}: {found.status_code}"
+    yield f"{case.operation.method.upper()} {case.operation.path}: {response.status_code}"
 
 
 PAIR = Pair(

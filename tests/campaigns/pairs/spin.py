@@ -61,7 +61,7 @@ def read(output: str, model: Model, *, cycles: bool = False) -> dict[tuple[str, 
     done = _DONE.search(output)
     if done is None:
         raise UnknownError("no result")
-    violated = {int(found[1]) - 1000 for found in _VIOLATED.finditer(output)}
+    violated = {int(each[1]) - 1000 for each in _VIOLATED.finditer(output)}
     endless = {ENDLESS: bool(_CYCLE.search(output))} if cycles else {}
     if (bool(violated) or any(endless.values())) != (int(done[1]) > 0):
         raise UnknownError("errors that are none of the assertions")
@@ -113,14 +113,14 @@ def judge(case: tuple[oracle.P, bool]) -> Iterator[str]:
     """All of SPIN's answers against the facts of both deciders."""
     whole, hang = case
     model = model_of(whole, hang=hang)
-    found = verified(model)
+    proof = verified(model)
     models = frozenset({"hang"} if hang else ())
     for solver in ("auto", "z3"):
         facts = facts_as_dict(decided(whole, faults=models, solver=solver).facts())
         assert facts is not None
-        wanted = {question: expected(facts, question) for question in found}
-        assert found == wanted, f"SPIN differs from {solver}"
-    for (kind, _), answer in found.items():
+        wanted = {question: expected(facts, question) for question in proof}
+        assert proof == wanted, f"SPIN differs from {solver}"
+    for (kind, _), answer in proof.items():
         yield f"{kind}: {'yes' if answer else 'no'}"
 
 

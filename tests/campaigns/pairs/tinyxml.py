@@ -23,9 +23,9 @@ def _library() -> Library:
 
 def judge(text: str) -> Iterator[str]:
     """The same error on the same line, or the same tree."""
-    found = ours(text)
-    assert found == _library().read(to_bytes(text))
-    yield found.error or "read"
+    reading = ours(text)
+    assert reading == _library().read(to_bytes(text))
+    yield reading.error or "read"
 
 
 PAIR = Pair(

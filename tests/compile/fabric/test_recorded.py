@@ -20,8 +20,8 @@ def test_recorded_results(shared_corpus: Path, version: int) -> None:
     recorded = json.loads((shared_corpus / RECORDED).read_text(encoding="utf-8"))
     assert len(recorded) > 100
     for row in recorded:
-        found = json.dumps(listed(version, row["xml"]))  # as text: the order of keys counts
-        assert found == json.dumps(row[f"v{version}"]), row["tag"]
+        text = json.dumps(listed(version, row["xml"]))  # as text: the order of keys counts
+        assert text == json.dumps(row[f"v{version}"]), row["tag"]
 
 
 def test_plans_of_the_second_experiment_compile(shared_corpus: Path) -> None:

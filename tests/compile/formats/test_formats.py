@@ -14,7 +14,7 @@ from gpsfsm.compile.formats.outcomes import State, is_failure, machine_from
 from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, SUCCEEDED, Instants
 from gpsfsm.compile.machines import Place
 from gpsfsm.compile.plan_text import read_plan_or_machine
-from gpsfsm.model.choice import OWN
+from gpsfsm.model.capability import OWN
 from gpsfsm.syntax.source import DEFAULT_LIMITS
 from tests.cases import batches, many
 

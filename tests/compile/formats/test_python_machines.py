@@ -12,7 +12,7 @@ import pytest
 import gpsfsm
 from gpsfsm.compile.formats import format_of, langgraph
 from gpsfsm.compile.formats.python_source import FLEXBE, SMACH
-from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.syntax.source import DEFAULT_LIMITS
 from tests.cases import many
 from tests.compile.formats.python_machines import Part, active, enter, play, random_part, source

@@ -13,7 +13,7 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.compile.formats import CannotSayError, formats
 from gpsfsm.compile.formats.scxml import read
 from gpsfsm.compile.instants import COMPLETED, FAILED, SUCCEEDED, Instants
-from gpsfsm.model.choice import OWN
+from gpsfsm.model.capability import OWN
 from gpsfsm.syntax.source import DEFAULT_LIMITS
 from tests.cases import batches, many
 from tests.compile.formats.test_formats import CORPUS, closed

@@ -49,11 +49,11 @@ def model_at(
     settings.setdefault("constrain", Constrain.NEVER)
     if "key" in settings:
         settings["key"] = Secret(settings["key"], "THE_KEY")
-    found = ModelSettings(base_url=url, **settings)
-    return find_model(f"{provider}:{model}", found, rendered=rendered)
+    model_settings = ModelSettings(base_url=url, **settings)
+    return find_model(f"{provider}:{model}", model_settings, rendered=rendered)
 
 
-async def _asked(model: LanguageModel, requests: tuple[Request, ...]) -> list[Answer]:
+async def _answers(model: LanguageModel, requests: tuple[Request, ...]) -> list[Answer]:
     try:
         async with asyncio.timeout(WAIT_S):
             return [await model.answer(each) for each in requests]
@@ -62,17 +62,17 @@ async def _asked(model: LanguageModel, requests: tuple[Request, ...]) -> list[An
 
 
 def ask(model: LanguageModel, *requests: Request) -> list[Answer]:
-    return asyncio.run(_asked(model, requests or (request(),)))
+    return asyncio.run(_answers(model, requests or (request(),)))
 
 
-def answer(model: LanguageModel, asked: Request | None = None) -> Answer:
-    (found,) = ask(model, asked or request())
-    return found
+def answer(model: LanguageModel, question: Request | None = None) -> Answer:
+    (result,) = ask(model, question or request())
+    return result
 
 
-def fails(model: LanguageModel, asked: Request | None = None) -> ModelError:
+def fails(model: LanguageModel, question: Request | None = None) -> ModelError:
     with pytest.raises(ModelError) as caught:
-        ask(model, asked or request())
+        ask(model, question or request())
     return caught.value
 
 

@@ -106,17 +106,17 @@ def split(spec: str) -> tuple[str, str, str]:
 def test_what_is_sent(spec: str) -> None:
     name, constraint, without, more = SENT[spec]
     provider, model, dialect = split(spec)
-    asked = request(max_tokens=100, temperature=0.5, seed=7, grammars=GRAMMARS)
+    response = request(max_tokens=100, temperature=0.5, seed=7, grammars=GRAMMARS)
     json = constraint == "json-schema"
     models = [model or "default"]
     with FakeServer(
         ['{"plan": "a"}' if json else "<Plan/>"], models=models, heeds=[name]
     ) as server:
-        free = answer(model_at(server, provider, model, dialect=dialect), asked)
+        free = answer(model_at(server, provider, model, dialect=dialect), response)
         bound = answer(
-            model_at(server, provider, model, dialect=dialect, constrain=Constrain.ALWAYS), asked
+            model_at(server, provider, model, dialect=dialect, constrain=Constrain.ALWAYS), response
         )
-        assert [each.body for each in server.asked] == [without, without | more]
+        assert [each.body for each in server.received] == [without, without | more]
     assert (free.constrained, bound.constrained) == (None, constraint or None)
     assert bound.text == ("<Plan>a</Plan>" if json else "<Plan/>")
     assert bound.raw == ('{"plan": "a"}' if json else "<Plan/>")
@@ -127,25 +127,25 @@ def test_models_that_may_think(spec: str) -> None:
     provider, model, _ = split(spec)
     with FakeServer(models=["m"]) as server:
         answer(model_at(server, provider, model, thinking=True))
-        assert not {"chat_template_kwargs", "think"} & set(server.asked[0].body)
+        assert not {"chat_template_kwargs", "think"} & set(server.received[0].body)
 
 
 def test_nothing_is_sent_that_is_not_said() -> None:
     with FakeServer() as server:
         answer(model_at(server, "openai-compatible"))
-        assert "seed" not in server.asked[0].body
+        assert "seed" not in server.received[0].body
 
 
 @pytest.mark.parametrize(
-    ("given", "characters", "room"),
+    ("written", "characters", "room"),
     [(None, 10, 8192), (None, 40_000, 16_384), (None, 10**7, 1 << 20), (4096, 40_000, 4096)],
 )
 def test_ollama_is_told_how_much_room_is_needed(
-    given: int | None, characters: int, room: int
+    written: int | None, characters: int, room: int
 ) -> None:
     with FakeServer() as server:
-        answer(model_at(server, "ollama", context_tokens=given), request("x" * characters))
-        assert server.asked[0].body["options"]["num_ctx"] == room
+        answer(model_at(server, "ollama", context_tokens=written), request("x" * characters))
+        assert server.received[0].body["options"]["num_ctx"] == room
 
 
 def test_every_dialect_is_short_and_has_a_golden_request() -> None:
@@ -160,9 +160,9 @@ def test_every_dialect_is_short_and_has_a_golden_request() -> None:
 class TestReplies:
     def test_tokens_and_what_they_cost(self) -> None:
         with FakeServer(["<Plan> </Plan>"]) as server:
-            found = answer(model_at(server, prompt_price=1_000_000.0, answer_price=500_000.0))
-            assert found.usage == Usage(4, 2)
-            assert found.cost == 5.0
+            reply = answer(model_at(server, prompt_price=1_000_000.0, answer_price=500_000.0))
+            assert reply.usage == Usage(4, 2)
+            assert reply.cost == 5.0
             assert answer(model_at(server, prompt_price=1.0)).cost is None
             assert answer(model_at(server, "ollama")).usage == Usage(4, 2)
 
@@ -173,9 +173,9 @@ class TestReplies:
 
     def test_the_model_that_answered_is_named(self) -> None:
         with FakeServer(models=["default"]) as server:
-            found = answer(model_at(server, "llamacpp", ""))
-            assert found.model == "default"
-            assert found.latency_s > 0
+            reply = answer(model_at(server, "llamacpp", ""))
+            assert reply.model == "default"
+            assert reply.latency_s > 0
 
     @pytest.mark.parametrize(
         ("reason", "finish"),
@@ -290,39 +290,39 @@ class TestProbe:
     )
     def test_a_server_that_heeds(self, spec: str, field: str) -> None:
         provider, model, _ = split(spec)
-        asked = request(grammars=GRAMMARS)
+        response = request(grammars=GRAMMARS)
         with FakeServer(
             ['{"plan": ""}', "<Plan/>"], heeds=[field], models=[model or "default"]
         ) as server:
-            found = answer(model_at(server, provider, model, constrain=Constrain.PROBE), asked)
-            assert server.plans_asked[0].grammar_field == field
-        assert found.constrained == SENT[spec][1]
-        assert found.requests == len(server.asked) == (3 if "-old" in spec else 2)
+            reply = answer(model_at(server, provider, model, constrain=Constrain.PROBE), response)
+            assert server.plan_requests[0].grammar_field == field
+        assert reply.constrained == SENT[spec][1]
+        assert reply.requests == len(server.received) == (3 if "-old" in spec else 2)
 
     @pytest.mark.parametrize("refuses", [False, True])
     def test_a_server_that_does_not_heed_gets_no_grammar(self, refuses: bool) -> None:
         fields = ("structured_outputs", "guided_grammar")
         with FakeServer(refuses=fields if refuses else ()) as server:
-            found = answer(model_at(server, constrain=Constrain.PROBE), request(grammars=GRAMMARS))
-            assert [each.grammar_field for each in server.asked] == [*fields, ""]
-        assert (found.text, found.constrained) == ("<Plan/>", None)
+            reply = answer(model_at(server, constrain=Constrain.PROBE), request(grammars=GRAMMARS))
+            assert [each.grammar_field for each in server.received] == [*fields, ""]
+        assert (reply.text, reply.constrained) == ("<Plan/>", None)
 
     def test_a_server_is_probed_once(self) -> None:
-        asked = request(grammars=GRAMMARS)
+        response = request(grammars=GRAMMARS)
         with FakeServer(heeds=["ebnf"]) as server:
             model = model_at(server, "sglang", constrain=Constrain.PROBE)
-            assert [answer(model, asked).requests for _ in range(3)] == [2, 1, 1]
+            assert [answer(model, response).requests for _ in range(3)] == [2, 1, 1]
             again = find_again(server)
-            assert answer(again, asked).requests == 1
+            assert answer(again, response).requests == 1
 
     @pytest.mark.parametrize(
         "fault", ["reset", "503", "hang", "garbage", "cut-json", "429:0", "error-in-200"]
     )
     def test_a_probe_that_fails_fails_nothing(self, fault: str) -> None:
-        asked = request(grammars=GRAMMARS)
+        response = request(grammars=GRAMMARS)
         with FakeServer(faults=[fault], heeds=["ebnf"]) as server:
             model = model_at(server, "sglang", constrain=Constrain.PROBE, timeout_s=0.5)
-            first, second = answer(model, asked), answer(model, asked)
+            first, second = answer(model, response), answer(model, response)
         assert (first.text, first.constrained) == ("<Plan/>", None)
         assert second.constrained is Constraint.GBNF  # asked again, since nothing was learnt
 
@@ -331,11 +331,11 @@ class TestProbe:
             assert answer(model_at(server, "sglang", constrain=Constrain.PROBE)).requests == 1
 
     def test_an_answer_that_is_no_plan_in_json_was_not_constrained(self) -> None:
-        asked = request(grammars=GRAMMARS)
+        response = request(grammars=GRAMMARS)
         for text in ("<Plan/>", "[1]", "{"):
             with FakeServer([text], heeds=["format"]) as server:
-                found = answer(model_at(server, "ollama", constrain=Constrain.PROBE), asked)
-            assert (found.text, found.constrained) == (text, None)
+                reply = answer(model_at(server, "ollama", constrain=Constrain.PROBE), response)
+            assert (reply.text, reply.constrained) == (text, None)
 
 
 def find_again(server: FakeServer) -> Any:
@@ -347,7 +347,7 @@ def test_a_conversation_is_sent_in_order() -> None:
     turns = (Message(Role.USER, "a"), Message(Role.ASSISTANT, "b"), Message(Role.USER, "c\ud800"))
     with FakeServer() as server:
         answer(model_at(server), Request(turns))
-        assert [turn["content"] for turn in server.asked[0].body["messages"]] == ["a", "b", "c?"]
+        assert [turn["content"] for turn in server.received[0].body["messages"]] == ["a", "b", "c?"]
 
 
 def test_providers_have_the_names_of_their_modules() -> None:

@@ -45,10 +45,10 @@ def test_a_plan_comes_out(provider: str, heeds: bool, tmp_path: Path) -> None:
         done = generate(server, tmp_path, "wait", "--model", f"{provider}:tiny")
         assert done.returncode == 0, done.stderr
         assert f'provider="{WAIT}"' in done.stdout
-        (asked,) = server.plans_asked
-    assert asked.grammar_field == (FIELDS[provider] if heeds else "")
-    if asked.grammar_field:
-        assert WAIT in json.dumps(asked.body[asked.grammar_field])
+        (request,) = server.plan_requests
+    assert request.grammar_field == (FIELDS[provider] if heeds else "")
+    if request.grammar_field:
+        assert WAIT in json.dumps(request.body[request.grammar_field])
 
 
 @pytest.mark.parametrize(

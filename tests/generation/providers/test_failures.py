@@ -74,10 +74,10 @@ def untrusted() -> ssl.SSLCertVerificationError:
     ],
 )
 def test_no_connection(error: Exception, said: str, retry: bool) -> None:
-    found = unreachable(error, PLACE)
-    assert said in found.text
-    assert (found.retry, found.again) == (retry, retry)
-    assert KEY not in found.text
+    paths = unreachable(error, PLACE)
+    assert said in paths.text
+    assert (paths.retry, paths.again) == (retry, retry)
+    assert KEY not in paths.text
 
 
 def test_exceptions_that_cause_each_other() -> None:
@@ -108,14 +108,14 @@ def test_exceptions_that_cause_each_other() -> None:
     ],
 )
 def test_refusals(status: int, said: str, grammar: bool, message: str, retry: bool) -> None:
-    found = refused(status, said, PLACE, grammar=grammar, wait_s=None)
-    assert message in found.text
-    assert found.retry is found.again is retry
-    assert len(found.text) < 600
+    refusal = refused(status, said, PLACE, grammar=grammar, wait_s=None)
+    assert message in refusal.text
+    assert refusal.retry is refusal.again is retry
+    assert len(refusal.text) < 600
 
 
 @pytest.mark.parametrize(
-    ("text", "found"),
+    ("text", "expected"),
     [
         ("<Plan/>", "<Plan/>"),
         (" as it is \n", " as it is \n"),
@@ -129,5 +129,5 @@ def test_refusals(status: int, said: str, grammar: bool, message: str, retry: bo
         ("", ""),
     ],
 )
-def test_thoughts_are_left_out(text: str, found: str) -> None:
-    assert without_thoughts(text) == found
+def test_thoughts_are_left_out(text: str, expected: str) -> None:
+    assert without_thoughts(text) == expected

@@ -118,13 +118,13 @@ def test_any_bytes_are_an_answer_or_an_error(
 ) -> None:
     odd_server.fail_with(f"raw:{content.hex()}")
     model = model_at(odd_server, provider, key=KEY, retries=0, timeout_s=5.0)
-    found = asyncio.run(answer_or_error(model))
-    if isinstance(found, ModelError):
-        assert str(found).startswith(f"{provider}:tiny: ")
-        assert str(found).isprintable()
-        assert KEY not in everything_of(found)
+    result = asyncio.run(answer_or_error(model))
+    if isinstance(result, ModelError):
+        assert str(result).startswith(f"{provider}:tiny: ")
+        assert str(result).isprintable()
+        assert KEY not in everything_of(result)
     else:
-        assert found.text.strip()
+        assert result.text.strip()
 
 
 @pytest.mark.parametrize("fault", PERMANENT)
@@ -132,7 +132,7 @@ def test_what_does_not_pass_is_told_at_once(fault: str) -> None:
     said, again = PERMANENT[fault]
     with FakeServer(faults=[fault], key=KEY) as server:
         error = fails(model_at(server, key=KEY))
-        assert len(server.asked) == 1
+        assert len(server.received) == 1
     assert str(error).startswith("vllm:tiny: ")
     assert said in str(error)
     assert len(str(error)) < 800
@@ -143,16 +143,16 @@ def test_what_does_not_pass_is_told_at_once(fault: str) -> None:
 @pytest.mark.parametrize("fault", PASSING)
 def test_what_passes_is_tried_again(fault: str) -> None:
     with FakeServer(faults=[fault, fault], key=KEY) as server:
-        found = answer(model_at(server, key=KEY))
-        assert len(server.asked) == 3
-    assert (found.text, found.requests) == ("<Plan/>", 3)
+        reply = answer(model_at(server, key=KEY))
+        assert len(server.received) == 3
+    assert (reply.text, reply.requests) == ("<Plan/>", 3)
 
 
 @pytest.mark.parametrize("fault", PASSING)
 def test_what_does_not_pass_after_all_is_told(fault: str) -> None:
     with FakeServer(faults=[fault] * 9, key=KEY) as server:
         error = fails(model_at(server, key=KEY, retries=2))
-        assert len(server.asked) == 3
+        assert len(server.received) == 3
     assert "(asked 3 times)" in str(error)
     assert error.again
     assert KEY not in everything_of(error)
@@ -172,32 +172,32 @@ def test_cancelling_ends_a_request_at_once(fault: str) -> None:
     async def cancelled(server: FakeServer) -> BaseException:
         model = model_at(server, key=KEY)
         task = asyncio.create_task(model.answer(request()))
-        while not server.asked:
+        while not server.received:
             await asyncio.sleep(0.01)
         await asyncio.sleep(0.05)
         task.cancel()
-        (found,) = await asyncio.gather(task, return_exceptions=True)
+        (phase_result,) = await asyncio.gather(task, return_exceptions=True)
         await model.close()
-        assert isinstance(found, BaseException)
-        return found
+        assert isinstance(phase_result, BaseException)
+        return phase_result
 
     with FakeServer(faults=[fault], key=KEY) as server:
-        found = asyncio.run(cancelled(server))
-    assert isinstance(found, asyncio.CancelledError)
-    assert KEY not in everything_of(found)
+        result = asyncio.run(cancelled(server))
+    assert isinstance(result, asyncio.CancelledError)
+    assert KEY not in everything_of(result)
 
 
 @pytest.mark.parametrize("fault", ANSWERED)
 def test_what_is_odd_and_yet_an_answer(fault: str) -> None:
     with FakeServer(faults=[fault], key=KEY) as server:
-        found = answer(model_at(server, key=KEY))
-    assert found.text.startswith("<Plan/>")
-    assert found.finish is (Finish.LENGTH if fault == "length" else Finish.STOP)
-    assert KEY not in repr(found)
-    found.text.encode()
+        reply = answer(model_at(server, key=KEY))
+    assert reply.text.startswith("<Plan/>")
+    assert reply.finish is (Finish.LENGTH if fault == "length" else Finish.STOP)
+    assert KEY not in repr(reply)
+    reply.text.encode()
     if fault in ("thinking", "reasoning"):
-        assert found.text == "<Plan/>"
-        assert "<think>Where to?</think>" in found.raw
+        assert reply.text == "<Plan/>"
+        assert "<think>Where to?</think>" in reply.raw
 
 
 def test_a_model_that_thought_until_the_end_hears_of_max_tokens() -> None:
@@ -242,7 +242,7 @@ def test_no_such_host() -> None:
 def test_no_encryption_where_it_was_asked_for() -> None:
     with FakeServer() as server:
         error = fails(model_at(server.url.replace("http:", "https:"), key=KEY))
-        assert server.asked == []
+        assert server.received == []
     assert "is it perhaps http:// and not https://?" in str(error)
     assert not error.again
     assert KEY not in everything_of(error)
@@ -282,9 +282,9 @@ def test_a_key_that_is_needed_and_one_that_is_wrong() -> None:
 
 
 def test_a_grammar_that_is_refused() -> None:
-    asked = request(grammars=((Constraint.GBNF, "root ::= ("),))
+    response = request(grammars=((Constraint.GBNF, "root ::= ("),))
     with FakeServer(faults=["bad-grammar"]) as server:
-        error = fails(model_at(server, "llamacpp", constrain=Constrain.ALWAYS), asked)
+        error = fails(model_at(server, "llamacpp", constrain=Constrain.ALWAYS), response)
     assert "it does not accept the grammar: use --no-constrain" in str(error)
 
 
@@ -293,45 +293,45 @@ def test_a_model_works_in_one_event_loop_after_the_other() -> None:
         model = model_at(server)
         assert answer(model).text == "<Plan/>"
         assert answer(model).text == "<Plan></Plan>"
-        assert [found.text for found in ask(model, request(), request())] == ["<Plan></Plan>"] * 2
+        assert [each.text for each in ask(model, request(), request())] == ["<Plan></Plan>"] * 2
 
 
 def test_a_model_works_in_several_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    found: list[str] = []
+    actual: list[str] = []
     with FakeServer() as server:
         model = model_at(server)
         threads = [
-            threading.Thread(target=lambda: found.append(answer(model).text)) for _ in range(4)
+            threading.Thread(target=lambda: actual.append(answer(model).text)) for _ in range(4)
         ]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-    assert found == ["<Plan/>"] * 4
+    assert actual == ["<Plan/>"] * 4
 
 
 def test_many_candidates_at_once_are_one_probe() -> None:
     async def many(server: FakeServer) -> list[Constraint | None]:
         model = model_at(server, "sglang", constrain=Constrain.PROBE)
-        asked = request(grammars=((Constraint.GBNF, "root ::= [a]"),))
-        found = await asyncio.gather(*(model.answer(asked) for _ in range(8)))
-        return [each.constrained for each in found]
+        response = request(grammars=((Constraint.GBNF, "root ::= [a]"),))
+        answers = await asyncio.gather(*(model.answer(response) for _ in range(8)))
+        return [each.constrained for each in answers]
 
     with FakeServer(heeds=["ebnf"]) as server:
         assert asyncio.run(many(server)) == [Constraint.GBNF] * 8
-        assert [asked.probes for asked in server.asked].count(True) == 1
+        assert [result.probes for result in server.received].count(True) == 1
 
 
 def test_candidates_do_not_wait_for_one_probe_in_vain_after_the_other() -> None:
     async def many(server: FakeServer) -> list[str]:
         model = model_at(server, "sglang", constrain=Constrain.PROBE, timeout_s=2)
-        asked = request(grammars=((Constraint.GBNF, "root ::= [a]"),))
-        found = await asyncio.gather(*(model.answer(asked) for _ in range(8)))
-        return [each.text for each in found]
+        response = request(grammars=((Constraint.GBNF, "root ::= [a]"),))
+        answers = await asyncio.gather(*(model.answer(response) for _ in range(8)))
+        return [each.text for each in answers]
 
     with FakeServer(heeds=["ebnf"], faults=["hang"]) as server:
         assert asyncio.run(many(server)) == ["<Plan/>"] * 8
-        assert [asked.probes for asked in server.asked].count(True) == 1
+        assert [result.probes for result in server.received].count(True) == 1
 
 
 class TestProxies:

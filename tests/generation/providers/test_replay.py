@@ -59,8 +59,8 @@ class TestOrder:
             {"task": "go", "answer": "g2"},
         )
         model = replay(source)
-        asked = [request(task=task) for task in ("go", "stay here", "new", " go ")]
-        assert texts(model, *asked) == ["g1", "s1", "other", "g2"]
+        responses = [request(task=task) for task in ("go", "stay here", "new", " go ")]
+        assert texts(model, *responses) == ["g1", "s1", "other", "g2"]
         assert "no answer is recorded" in str(
             fails(replay(f"{source}#task=go"), request(task="new"))
         )
@@ -74,24 +74,25 @@ class TestOrder:
             {"task": "go", "answer": "third"},
         )
         model = replay(source)
-        asked = [request(text, task="go") for text in ("Fast!", " Slowly! ", "Well!")]
-        assert texts(model, *asked) == ["fast", "slow", "slow"]
+        responses = [request(text, task="go") for text in ("Fast!", " Slowly! ", "Well!")]
+        assert texts(model, *responses) == ["fast", "slow", "slow"]
 
     def test_by_number_whatever_was_asked_before(self, tmp_path: Path) -> None:
         source = write(tmp_path, *({"task": "go", "answer": text} for text in "abc"))
         model = replay(source)
-        asked = [request(task="go", number=number) for number in (2, 0, 2, 1)]
-        assert texts(model, *asked) == ["c", "a", "c", "b"]
+        responses = [request(task="go", number=number) for number in (2, 0, 2, 1)]
+        assert texts(model, *responses) == ["c", "a", "c", "b"]
         assert "used up" in str(fails(model, request(task="go", number=3)))
 
     def test_a_recorded_session_is_replayed_also_from_its_middle(self, tmp_path: Path) -> None:
-        asked = [request(text, task="go", number=n) for n, text in enumerate(["one", "two"])]
+        responses = [request(text, task="go", number=n) for n, text in enumerate(["one", "two"])]
         lines = [
-            recorded(each, Answer(text=f"answer {n}", model="m")) for n, each in enumerate(asked)
+            recorded(each, Answer(text=f"answer {n}", model="m"))
+            for n, each in enumerate(responses)
         ]
         source = write(tmp_path, *lines)
-        assert texts(replay(source), *asked) == ["answer 0", "answer 1"]
-        assert texts(replay(source), asked[1]) == ["answer 1"]
+        assert texts(replay(source), *responses) == ["answer 0", "answer 1"]
+        assert texts(replay(source), responses[1]) == ["answer 1"]
 
     def test_a_request_without_messages(self, tmp_path: Path) -> None:
         assert texts(replay(write(tmp_path, {"answer": "a"})), Request(())) == ["a"]
@@ -111,8 +112,8 @@ class TestLines:
                 "constrained": "gbnf",
             },
         )
-        found = answer(replay(source, prompt_price=2.0, answer_price=8.0))
-        assert found == Answer(
+        reply = answer(replay(source, prompt_price=2.0, answer_price=8.0))
+        assert reply == Answer(
             text="<Plan/>",
             model="gpt",
             finish=Finish.LENGTH,
@@ -155,10 +156,10 @@ class TestLines:
             "task": [],
             "model": {},
         }
-        found = answer(replay(write(tmp_path, line)))
-        assert found.latency_s in (0.0, 1.0)
-        assert found.usage == Usage()
-        assert found.model == "replay"
+        reply = answer(replay(write(tmp_path, line)))
+        assert reply.latency_s in (0.0, 1.0)
+        assert reply.usage == Usage()
+        assert reply.model == "replay"
 
     @pytest.mark.parametrize(
         ("line", "said"),
@@ -234,17 +235,17 @@ class TestRealAnswers:
                 and line["task"] == number
             ]
             for name in (task, str(number), f"task{number}"):
-                found = ask(replay(source), *[request(task=name)] * 10)
-                assert [each.text for each in found] == [each["response"] for each in expected]
-                assert [each.latency_s for each in found] == [
+                response = ask(replay(source), *[request(task=name)] * 10)
+                assert [each.text for each in response] == [each["response"] for each in expected]
+                assert [each.latency_s for each in response] == [
                     each["latency_s"] for each in expected
                 ]
-            assert {each.model for each in found} == {"gpt-4o"}
+            assert {each.model for each in response} == {"gpt-4o"}
 
     def test_the_same_prompt_gets_the_same_answers(self, shared_corpus: Path) -> None:
         file = shared_corpus / "experiment1" / "responses.jsonl"
         records = load(str(file))
         assert len(records) == 600
         line = json.loads(file.read_text(encoding="utf-8").splitlines()[0])
-        asked = Request((Message(Role.USER, line["prompt_text"]),))
-        assert texts(replay(str(file)), asked) == [line["response"]]
+        question = Request((Message(Role.USER, line["prompt_text"]),))
+        assert texts(replay(str(file)), question) == [line["response"]]

@@ -67,36 +67,36 @@ def named(settings: ModelSettings) -> tuple[Any, ...]:
 
 class TestPrecedence:
     def test_a_flag_before_a_variable_before_the_file(self) -> None:
-        found = settings_of(FLAGS, environment=VARIABLES, configured=FILE)
-        assert named(found) == ("vllm:flag", "http://flag:1", 3.0, 3, 3000, 0.3, 30)
-        found = settings_of({}, environment=VARIABLES, configured=FILE)
-        assert named(found) == ("vllm:env", "http://env:1", 2.0, 2, 2000, 0.2, 20)
-        found = settings_of(dict.fromkeys(FLAGS), environment={}, configured=FILE)
-        assert named(found) == ("vllm:file", "http://file:1", 1.0, 1, 1000, 0.1, 10)
+        settings = settings_of(FLAGS, environment=VARIABLES, configured=FILE)
+        assert named(settings) == ("vllm:flag", "http://flag:1", 3.0, 3, 3000, 0.3, 30)
+        settings = settings_of({}, environment=VARIABLES, configured=FILE)
+        assert named(settings) == ("vllm:env", "http://env:1", 2.0, 2, 2000, 0.2, 20)
+        settings = settings_of(dict.fromkeys(FLAGS), environment={}, configured=FILE)
+        assert named(settings) == ("vllm:file", "http://file:1", 1.0, 1, 1000, 0.1, 10)
 
     def test_all_keys_of_the_file(self) -> None:
-        found = settings_of(environment={}, configured=FILE)
-        assert (found.max_wait_s, found.max_answer_bytes) == (2.0, 4096)
-        assert (found.prompt_price, found.answer_price) == (3.0, 4.0)
-        assert (found.constrain, found.dialect) == (Constrain.ALWAYS, "guided_grammar")
-        assert found.thinking
+        settings = settings_of(environment={}, configured=FILE)
+        assert (settings.max_wait_s, settings.max_answer_bytes) == (2.0, 4096)
+        assert (settings.prompt_price, settings.answer_price) == (3.0, 4.0)
+        assert (settings.constrain, settings.dialect) == (Constrain.ALWAYS, "guided_grammar")
+        assert settings.thinking
 
     def test_without_anything(self) -> None:
         assert settings_of(environment={}) == ModelSettings()
         assert settings_of({"constrain": "never"}, environment={}).constrain is Constrain.NEVER
 
     def test_what_the_file_says_of_another_model_does_not_hold(self) -> None:
-        found = settings_of({"name": "vllm:other"}, environment={}, configured=FILE)
-        assert (found.base_url, found.dialect) == ("http://file:1", "guided_grammar")
-        assert (found.context_tokens, found.prompt_price) == (None, None)
-        found = settings_of({"name": "sglang:file"}, environment={}, configured=FILE)
-        assert (found.base_url, found.dialect, found.timeout_s) == ("", "", 1.0)
+        settings = settings_of({"name": "vllm:other"}, environment={}, configured=FILE)
+        assert (settings.base_url, settings.dialect) == ("http://file:1", "guided_grammar")
+        assert (settings.context_tokens, settings.prompt_price) == (None, None)
+        settings = settings_of({"name": "sglang:file"}, environment={}, configured=FILE)
+        assert (settings.base_url, settings.dialect, settings.timeout_s) == ("", "", 1.0)
 
     def test_variables_of_the_provider(self) -> None:
         environment = {"OLLAMA_HOST": "robot:1", "OPENAI_BASE_URL": "https://proxy.example/v1"}
         assert settings_of({"name": "ollama:m"}, environment=environment).base_url == "robot:1"
-        found = settings_of({"name": "openai:m"}, environment=environment)
-        assert found.base_url == "https://proxy.example/v1"
+        settings = settings_of({"name": "openai:m"}, environment=environment)
+        assert settings.base_url == "https://proxy.example/v1"
         assert settings_of({"name": "vllm:m"}, environment=environment).base_url == ""
 
     @pytest.mark.parametrize(
@@ -125,8 +125,8 @@ OWN = {"OPENAI_API_KEY": "sk-openai-own", "GPSFSM_API_KEY": ""}
 
 class TestKeys:
     def test_the_provider_s_own(self) -> None:
-        found = settings_of({"name": "openai:m"}, environment=OWN).key
-        assert (found.reveal(), found.source) == ("sk-openai-own", "OPENAI_API_KEY")
+        key = settings_of({"name": "openai:m"}, environment=OWN).key
+        assert (key.reveal(), key.source) == ("sk-openai-own", "OPENAI_API_KEY")
         assert not settings_of({"name": "vllm:m"}, environment=OWN).key
 
     def test_that_of_gpsfsm_comes_first(self) -> None:
@@ -138,8 +138,8 @@ class TestKeys:
     def test_a_file_names_a_variable(self) -> None:
         table = {"name": "vllm:m", "base_url": "http://gpu:1", "api_key_env": "GPU_API_KEY"}
         own = Configured(user=table)
-        found = settings_of(environment={"GPU_API_KEY": KEY}, configured=own).key
-        assert (found.reveal(), found.source) == (KEY, "GPU_API_KEY")
+        key = settings_of(environment={"GPU_API_KEY": KEY}, configured=own).key
+        assert (key.reveal(), key.source) == (KEY, "GPU_API_KEY")
         for files in (own, Configured(project=table)):
             missing = settings_of(environment={}, configured=files).key
             assert (bool(missing), missing.source) == (False, "GPU_API_KEY")
@@ -294,8 +294,8 @@ class TestWhereKeysGo:
         files = Configured(user=user)
         assert settings_of(environment=environment, configured=files).key
         files = Configured(user=user, project={"timeout": 5.0})
-        found = settings_of(environment=environment, configured=files)
-        assert (found.base_url, found.timeout_s, bool(found.key)) == (
+        settings = settings_of(environment=environment, configured=files)
+        assert (settings.base_url, settings.timeout_s, bool(settings.key)) == (
             "https://gpu.example",
             5.0,
             True,
@@ -342,7 +342,7 @@ class TestSecret:
 
 class TestAddress:
     @pytest.mark.parametrize(
-        ("text", "provider", "found"),
+        ("text", "provider", "expected"),
         [
             ("http://localhost:8000", "vllm", "http://localhost:8000/v1"),
             ("http://localhost:8000/", "vllm", "http://localhost:8000/v1"),
@@ -362,12 +362,12 @@ class TestAddress:
             ("http://robot:1/ollama/api/generate/", "ollama", "http://robot:1/ollama"),
         ],
     )
-    def test_what_users_write(self, text: str, provider: str, found: str | None) -> None:
-        if found is None:
+    def test_what_users_write(self, text: str, provider: str, expected: str | None) -> None:
+        if expected is None:
             with pytest.raises(UsageError, match="name one with --base-url"):
                 address(text, provider)
         else:
-            assert address(text, provider) == found
+            assert address(text, provider) == expected
 
     @pytest.mark.parametrize(
         "text",

@@ -14,7 +14,7 @@ NOW_S = 1_800_000_000.0
 
 
 @pytest.mark.parametrize(
-    ("headers", "found"),
+    ("headers", "expected"),
     [
         ({}, None),
         ({"retry-after": "7"}, 7.0),
@@ -33,15 +33,15 @@ NOW_S = 1_800_000_000.0
         ({"retry-after": "Wed, 21 Oct 99999 07:28:00 GMT"}, None),
     ],
 )
-def test_what_the_server_asks_for(headers: dict[str, str], found: float | None) -> None:
+def test_what_the_server_asks_for(headers: dict[str, str], expected: float | None) -> None:
     waits = requested_wait_s(headers, NOW_S)
-    assert waits == (None if found is None else pytest.approx(found))
+    assert waits == (None if expected is None else pytest.approx(expected))
 
 
 @given(st.text(max_size=200))
 def test_no_header_is_too_odd(text: str) -> None:
-    found = requested_wait_s({"retry-after": text, "retry-after-ms": text}, NOW_S)
-    assert found is None or found >= 0
+    wait_s = requested_wait_s({"retry-after": text, "retry-after-ms": text}, NOW_S)
+    assert wait_s is None or wait_s >= 0
 
 
 @given(
@@ -51,13 +51,13 @@ def test_no_header_is_too_odd(text: str) -> None:
     st.binary(max_size=20),
 )
 def test_a_pause_is_bounded_and_always_the_same(
-    attempt: int, asked_s: float | None, longest_s: float, seed: bytes
+    attempt: int, wanted_s: float | None, longest_s: float, seed: bytes
 ) -> None:
-    found = pause_s(attempt, requested_s=asked_s, longest_s=longest_s, seed=seed)
-    assert 0 <= found <= longest_s
-    assert found == pause_s(attempt, requested_s=asked_s, longest_s=longest_s, seed=seed)
-    if asked_s is not None:
-        assert found == min(asked_s, longest_s)
+    seconds = pause_s(attempt, requested_s=wanted_s, longest_s=longest_s, seed=seed)
+    assert 0 <= seconds <= longest_s
+    assert seconds == pause_s(attempt, requested_s=wanted_s, longest_s=longest_s, seed=seed)
+    if wanted_s is not None:
+        assert seconds == min(wanted_s, longest_s)
 
 
 def test_pauses_grow_and_differ() -> None:

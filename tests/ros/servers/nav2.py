@@ -92,7 +92,7 @@ class Navigation(FakeServer):
         self.thinks = seconds
 
     def _offer(self, action_type: Any, name: str, drive: Any) -> None:
-        def asked(goal: Any) -> GoalResponse:
+        def requested(goal: Any) -> GoalResponse:
             self.journal("asked", action=name)
             time.sleep(self.thinks)
             script = scripted(self.outcomes, {"outcome": "succeed", "error": (0, "")})
@@ -132,7 +132,7 @@ class Navigation(FakeServer):
             action_type,
             name,
             execute,
-            goal_callback=asked,
+            goal_callback=requested,
             handle_accepted_callback=accepted,
             cancel_callback=cancelled,
             callback_group=self.group,

@@ -27,8 +27,8 @@ class Open(Protocol):
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    with launched() as found:
-        yield found
+    with launched() as launch:
+        yield launch
 
 
 @pytest.fixture

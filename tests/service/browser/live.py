@@ -87,9 +87,9 @@ class Live:
         pattern = re.compile(r"^Run (\d+)")
         title = self.title.filter(has_not_text=before[0]) if before else self.title
         title.wait_for(timeout=60_000)
-        found = pattern.match(title.inner_text())
-        assert found is not None
-        return int(found[1])
+        match = pattern.match(title.inner_text())
+        assert match is not None
+        return int(match[1])
 
     def ended(self, words: str) -> None:
         """The run that is shown has ended so."""
@@ -97,9 +97,9 @@ class Live:
 
     def at_s(self) -> float:
         """The time of the run that is shown."""
-        found = _SECONDS.match(self.clock.inner_text())
-        assert found is not None
-        return int(found[1] or 0) * 60 + float(found[2])
+        match = _SECONDS.match(self.clock.inner_text())
+        assert match is not None
+        return int(match[1] or 0) * 60 + float(match[2])
 
     def pose(self) -> tuple[float, float]:
         """Where the map shows the robot."""

@@ -9,7 +9,7 @@ import { pathToFileURL } from "node:url";
 
 const folder = pathToFileURL(process.argv[2] + "/");
 const { createScene, openWorld } = await import(new URL("scene.js", folder));
-const { feedbackWords } = await import(new URL("words.js", folder));
+const { feedbackWords } = await import(new URL("watch.js", folder));
 const { eventParser } = await import(new URL("client.js", folder));
 const asked = JSON.parse(readFileSync(0, "utf8"));
 

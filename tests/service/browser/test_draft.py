@@ -28,8 +28,8 @@ HOSTILE = plan(
 @pytest.fixture(scope="module")
 def service() -> Iterator[Service]:
     """Without a journal: it checks, and runs nothing."""
-    with Service("--workers", "1") as found:
-        yield found
+    with Service("--workers", "1") as server:
+        yield server
 
 
 def test_findings_come_and_go_as_one_types(service: Service, live: Open) -> None:
@@ -71,19 +71,19 @@ def test_long_lines_of_the_editor_are_wrapped_beside_their_numbers(
     with live(service.address) as page:
         page.write(text)
         page.page.locator(".editor-sign.error").wait_for()
-        found = page.page.evaluate(_ROWS)
-        assert not found["cut"]  # x and y are in view
-        heights = [height for _, height in found["lines"]]
+        rows = page.page.evaluate(_ROWS)
+        assert not rows["cut"]  # x and y are in view
+        heights = [height for _, height in rows["lines"]]
         assert len(heights) == text.count("\n") + 1
         assert heights[0] == heights[2] == heights[3] == 20
         assert heights[1] >= 60
-        assert sum(heights) == pytest.approx(found["high"], abs=1)  # as the text itself
-        for line, (top, _) in enumerate(found["lines"], start=1):
-            if str(line) in found["numbers"]:
-                row = found["numbers"].index(str(line))
-                assert top == pytest.approx(found["first"] + 20 * row, abs=1)
-        assert found["sign"] == pytest.approx(found["lines"][2][0], abs=1)
-        assert found["underline"] == pytest.approx(found["lines"][2][0], abs=2)
+        assert sum(heights) == pytest.approx(rows["high"], abs=1)  # as the text itself
+        for line, (top, _) in enumerate(rows["lines"], start=1):
+            if str(line) in rows["numbers"]:
+                row = rows["numbers"].index(str(line))
+                assert top == pytest.approx(rows["first"] + 20 * row, abs=1)
+        assert rows["sign"] == pytest.approx(rows["lines"][2][0], abs=1)
+        assert rows["underline"] == pytest.approx(rows["lines"][2][0], abs=2)
         page.editor.click()
         page.page.keyboard.press("Control+End")
         page.page.keyboard.type("\n<!-- one more -->")

@@ -31,11 +31,11 @@ _WRITTEN = "(hash) => location.hash === hash"
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     journal = tmp_path_factory.mktemp("links") / "queue.db"
     words = ("--journal", journal, "--durability", "process", "--workers", "1")
-    with Service(*words, "--world", WORLD) as found:
-        with found.client() as client:  # run 1, to which links lead
+    with Service(*words, "--world", WORLD) as server:
+        with server.client() as client:  # run 1, to which links lead
             answer = client.post("/v1/plans", json={"plan": TWO})
             ended(client, answer.json()["plan_id"])
-        yield found
+        yield server
 
 
 def test_a_time_of_a_run_is_the_same_in_another_browser(service: Service, live: Open) -> None:
@@ -111,6 +111,25 @@ def test_a_draft_goes_with_its_link(service: Service, live: Open) -> None:
         page.page.goto(link)  # only what is behind the # differs
         page.page.get_by_role("button", name="Restore my text").click()
         assert page.editor.input_value() == "<Plan/>"
+
+
+def test_the_link_of_a_finding_is_that_of_the_text_it_was_found_in(
+    service: Service, live: Open
+) -> None:
+    edit_and_copy = """() => {
+      const area = document.querySelector(".editor-text");
+      area.value += " ";
+      area.dispatchEvent(new Event("input", { bubbles: true }));
+      document.querySelector("[aria-label='Copy a link to this finding']").click();
+    }"""
+    with live(service.address) as page:
+        page.write(TWO)
+        page.page.evaluate(_SPY)
+        page.page.get_by_role("button", name="Copy link: it opens this text").click()
+        link = page.page.evaluate("() => globalThis.copied")
+        page.page.locator(".details .finding-head").last.click()
+        page.page.evaluate(edit_and_copy)
+        assert page.page.evaluate("() => globalThis.copied").startswith(f"{link}&finding=")
 
 
 def test_a_text_that_fits_in_no_link_has_none(service: Service, live: Open) -> None:

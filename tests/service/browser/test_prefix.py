@@ -27,9 +27,9 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     world = REPO / "corpus" / "worlds" / "closing.yaml"
     with (
         Service(*words, "--root-path", "/gpsfsm", "--world", world) as service,
-        behind_nginx(service, folder, tls=False) as found,
+        behind_nginx(service, folder, tls=False) as proxy,
     ):
-        yield found
+        yield proxy
 
 
 @pytest.mark.parametrize("place", ["/gpsfsm/", "/gpsfsm"])

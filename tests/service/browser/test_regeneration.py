@@ -28,8 +28,8 @@ def service(folder: Path) -> Iterator[Service]:
     answers(folder)
     model = ("--model", f"replay:{folder / 'answers.jsonl'}", "--task", TASK)
     words = ("--journal", folder / "q.db", "--durability", "process", "--workers", "1")
-    with Service(*words, "--world", CLOSING, *model) as found:
-        yield found
+    with Service(*words, "--world", CLOSING, *model) as server:
+        yield server
 
 
 def test_the_plan_that_goes_on_arrives_beside_the_old_one(service: Service, live: Open) -> None:
@@ -58,8 +58,8 @@ def test_the_plan_that_goes_on_arrives_beside_the_old_one(service: Service, live
         page.button(f"continues run {first + 1}").click()
         page.title.filter(has_text=f"Run {first + 1}").wait_for()
         page.ended("gave up")
-        told = page.page.locator(".run-banner").filter(has_text=f"run {first + 2} continues")
-        told.wait_for()
+        banner = page.page.locator(".run-banner").filter(has_text=f"run {first + 2} continues")
+        banner.wait_for()
         page.choose_run(first)
         page.page.locator(".run-banner").filter(has_text="refused").wait_for()
 

@@ -33,8 +33,8 @@ RECOVERED = plan(
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     journal = tmp_path_factory.mktemp("live") / "queue.db"
     words = ("--journal", journal, "--durability", "process", "--workers", "1")
-    with Service(*words, "--world", WORLDS / "closing.yaml") as found:
-        yield found
+    with Service(*words, "--world", WORLDS / "closing.yaml") as server:
+        yield server
 
 
 def until(true: Callable[[], bool], within_s: float = 20) -> None:

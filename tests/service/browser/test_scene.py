@@ -39,17 +39,17 @@ def modules(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def seen_in_node(modules: Path, asked: dict[str, Any]) -> dict[str, Any]:
+def seen_in_node(modules: Path, scene: dict[str, Any]) -> dict[str, Any]:
     done = subprocess.run(
         ["node", HERE / "scenes.mjs", modules],
-        input=json.dumps(asked),
+        input=json.dumps(scene),
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    document: dict[str, Any] = json.loads(done.stdout)
+    return document
 
 
 class Journal:
@@ -60,13 +60,13 @@ class Journal:
         self.looked: list[tuple[float, dict[str, Any]]] = []
         self.now_s = 0.0
         self.state = state
-        state.tell = self._told
+        state.tell = self._write
 
-    def _told(self, what: str, data: Mapping[str, Any], words: str) -> None:
+    def _write(self, what: str, data: Mapping[str, Any], words: str) -> None:
         at_us = round(self.now_s * 1e6)
-        told = {"world": what, **data}
+        data_ = {"world": what, **data}
         self.records.append(
-            {"kind": "LOG", "at_us": at_us, "node": -1, "data": told, "message": words}
+            {"kind": "LOG", "at_us": at_us, "node": -1, "data": data_, "message": words}
         )
 
     def look(self) -> None:
@@ -105,9 +105,9 @@ def test_the_map_shows_at_any_time_what_the_simulation_had(name: str, modules: P
     times = [now_s * 1e6 for now_s, _ in journal.looked]
     order = list(range(len(times)))
     chance.shuffle(order)  # scrubbed to and fro
-    asked = {"geometry": outline(world), "begun_s": 0, "pieces": [], "records": journal.records}
-    found = seen_in_node(modules, asked | {"times": [times[place] for place in order]})["seen"]
-    for place, shown in zip(order, found, strict=True):
+    scene = {"geometry": outline(world), "begun_s": 0, "pieces": [], "records": journal.records}
+    seen = seen_in_node(modules, scene | {"times": [times[place] for place in order]})["seen"]
+    for place, shown in zip(order, seen, strict=True):
         expected = journal.looked[place][1]
         pose = expected["pose"]
         assert math.hypot(shown["x"] - pose.x, shown["y"] - pose.y) < 0.01
@@ -135,15 +135,15 @@ def test_what_is_said_is_shown_while_it_is_said(modules: Path) -> None:
         {"kind": "STARTED", "at_us": 1_000_000, "node": 1, "interface": name},
     ]
     geometry = outline(world)
-    asked = {"geometry": geometry, "begun_s": 500, "pieces": [], "times": [0.5e6, 2e6, 90e6]}
-    shown = [each["said"] for each in seen_in_node(modules, asked | {"records": records})["seen"]]
+    scene = {"geometry": geometry, "begun_s": 500, "pieces": [], "times": [0.5e6, 2e6, 90e6]}
+    shown = [each["said"] for each in seen_in_node(modules, scene | {"records": records})["seen"]]
     assert shown == [[], ["Hello."], ["Hello."]]  # nobody knows yet when it ends
     records += [
         {"kind": "LOG", "at_us": 3_000_000, "node": 1, "data": say},
         {"kind": "LOG", "at_us": 3_000_000, "node": 1, "data": reply},
         {"kind": "SUCCEEDED", "at_us": 3_000_000, "node": 1, "interface": name},
     ]
-    seen = seen_in_node(modules, asked | {"records": records, "times": [0.5e6, 2e6, 4.2e6, 90e6]})
+    seen = seen_in_node(modules, scene | {"records": records, "times": [0.5e6, 2e6, 4.2e6, 90e6]})
     assert [each["said"] for each in seen["seen"]] == [[], ["Hello."], ["Hello.", "Hi."], []]
     assert seen["seen"][0]["people"] == ["Ben"]  # 500 s after the world has begun
 
@@ -160,15 +160,15 @@ def test_events_are_read_however_the_stream_is_cut(modules: Path) -> None:
         {"id": "", "event": "end", "data": {}},
     ]
     world = load_world(str(REPO / "corpus" / "worlds" / "arena.yaml"))
-    asked = {"geometry": outline(world), "begun_s": 0, "records": [], "times": []}
+    scene = {"geometry": outline(world), "begun_s": 0, "records": [], "times": []}
     chance = random.Random(3)  # noqa: S311
     for _ in range(5):
         cuts = sorted(chance.sample(range(len(text)), 12))
         edges = [0, *cuts, len(text)]
         pieces = [text[a:b] for a, b in pairwise(edges)]
-        found = seen_in_node(modules, asked | {"pieces": pieces})
-        assert found["events"] == expected
-        assert found["ended"]
+        observed = seen_in_node(modules, scene | {"pieces": pieces})
+        assert observed["events"] == expected
+        assert observed["ended"]
 
 
 def pose(at_us: int, x: float, y: float, yaw: float = 0.0) -> dict[str, Any]:
@@ -186,15 +186,15 @@ def test_the_map_of_a_real_run_grows_with_the_places(modules: Path) -> None:
         pose(2_000_000, -7.5, 3.0),
         pose(3_000_000, 1e9, 0.0),
     ]
-    found = seen_in_node(
+    observed = seen_in_node(
         modules, {**nothing, "records": records, "times": [0, 1_500_000, 4_000_000]}
     )
-    assert found["area"] == [-10, -2, 2, 4]
-    before, first, last = found["seen"]
+    assert observed["area"] == [-10, -2, 2, 4]
+    before, first, last = observed["seen"]
     assert "x" not in before
     assert (first["x"], first["y"], first["yaw"]) == (0.2, 0.1, 0.5)
     assert (last["x"], last["y"]) == (-7.5, 3.0)  # what is nowhere moves nothing
-    assert found["trail"] == [[0.2, 0.1], [-7.5, 3.0]]
+    assert observed["trail"] == [[0.2, 0.1], [-7.5, 3.0]]
 
 
 def test_feedback_has_the_same_words_as_on_a_terminal(modules: Path) -> None:
@@ -205,6 +205,6 @@ def test_feedback_has_the_same_words_as_on_a_terminal(modules: Path) -> None:
         {"feedback": "dock"},
         {"feedback": "drive", "speed_m_per_s": 0.2, "recoveries": 12345678},
     ]
-    asked = {"geometry": None, "begun_s": 0, "pieces": [], "records": [], "times": []}
-    found = seen_in_node(modules, {**asked, "feedback": feedback})
-    assert found["words"] == [feedback_words(each) for each in feedback]
+    scene = {"geometry": None, "begun_s": 0, "pieces": [], "records": [], "times": []}
+    observed = seen_in_node(modules, {**scene, "feedback": feedback})
+    assert observed["words"] == [feedback_words(each) for each in feedback]

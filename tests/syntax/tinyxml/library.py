@@ -83,6 +83,6 @@ class Library:
 
 def _find() -> str:
     files = metadata.files("cmeel-tinyxml2") or []
-    found = [file for file in files if file.name == "libtinyxml2.so"]
-    assert found, "the wheel has changed"
-    return str(found[0].locate())
+    actual = [file for file in files if file.name == "libtinyxml2.so"]
+    assert actual, "the wheel has changed"
+    return str(actual[0].locate())

@@ -25,7 +25,7 @@ def tree(body: str, attributes: str = 'BTCPP_format="4"', rest: str = "") -> str
     return f"<root {attributes}>\n<BehaviorTree>\n{body}\n</BehaviorTree>\n{rest}</root>"
 
 
-def told(text: str, **options: Any) -> list[tuple[str, int, str]]:
+def problems(text: str, **options: Any) -> list[tuple[str, int, str]]:
     return [
         (problem.rule, problem.location.line, problem.message)
         for problem in read_plan(text, **options).problems
@@ -137,14 +137,14 @@ def test_a_tree_is_told_by_its_outermost_element(text: str, expected: bool) -> N
 def test_what_is_wrong_is_said_at_its_place(
     text: str, expected: list[tuple[str, int, str]]
 ) -> None:
-    assert sorted(told(text)) == sorted(expected)
+    assert sorted(problems(text)) == sorted(expected)
 
 
 def test_text_is_skipped_inside_elements_and_wrong_outside_the_root() -> None:
     inside = tree("look <Go/> here")
-    assert told(inside) == []
+    assert problems(inside) == []
     outside = "text outside of <root>: "
-    assert told(f"{inside}\nDone.") == [("GP108", 6, f"{outside}Done.")]
+    assert problems(f"{inside}\nDone.") == [("GP108", 6, f"{outside}Done.")]
 
 
 def test_hints_name_what_was_meant() -> None:
@@ -177,7 +177,7 @@ def test_of_many_ports_a_hint_names_five() -> None:
     ],
 )
 def test_a_name_is_misspelt_if_nobody_would_call_a_leaf_so(body: str, misspelt: bool) -> None:
-    assert ("GP812" in {rule for rule, _, _ in told(tree(body))}) is misspelt
+    assert ("GP812" in {rule for rule, _, _ in problems(tree(body))}) is misspelt
 
 
 def test_the_only_tree_that_no_other_uses_runs_where_none_is_named() -> None:
@@ -199,7 +199,7 @@ def test_mutual_recursion_is_told_once_and_nothing_is_decided() -> None:
         '<BehaviorTree ID="A"><SubTree ID="B"/></BehaviorTree>'
         '<BehaviorTree ID="B"><SubTree ID="A"/></BehaviorTree></root>'
     )
-    assert [rule for rule, _, _ in told(text)] == ["GP809"]
+    assert [rule for rule, _, _ in problems(text)] == ["GP809"]
     assert check_text(text, "t.xml", CheckOptions()).facts is None
 
 
@@ -223,9 +223,9 @@ def test_the_tree_of_an_answer_is_taken() -> None:
 
 
 def test_a_tree_is_no_answer_where_a_plan_is_wanted() -> None:
-    found = PlanJudge(CheckOptions())(tree("<Go/>"))
-    assert not found.accepted
-    assert "not a plan" in found.feedback
+    actual = PlanJudge(CheckOptions())(tree("<Go/>"))
+    assert not actual.accepted
+    assert "not a plan" in actual.feedback
 
 
 def test_limits_end_the_reading() -> None:

@@ -26,8 +26,8 @@ class Open(Protocol):
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    with launched() as found:
-        yield found
+    with launched() as chromium:
+        yield chromium
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def report(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Open:
     def open_report(document: dict[str, Any], **context: Any) -> Iterator[Report]:
         file = tmp_path_factory.mktemp("report") / "report.html"
         file.write_text(page(document), encoding="utf-8")
-        with opened(browser, file.as_uri(), **context) as found:
-            yield Report(found, document)
+        with opened(browser, file.as_uri(), **context) as opened_page:
+            yield Report(opened_page, document)
 
     return open_report

@@ -42,5 +42,5 @@ while (due) {
   work();
   positions.push(player.pair ? player.pair.map((one) => one.position) : player.position);
 }
-const told = seen[seen.length - 1];
-process.stdout.write(JSON.stringify({ waits, positions, told, atEnd: player.atEnd }));
+const playing = seen[seen.length - 1];
+process.stdout.write(JSON.stringify({ waits, positions, playing, atEnd: player.atEnd }));

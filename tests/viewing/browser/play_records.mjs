@@ -26,13 +26,13 @@ function walk(player, positions) {
 }
 
 function stops(player, move, isDone) {
-  const found = [];
+  const positions = [];
   while (!isDone()) {
     move();
-    found.push(player.position);
-    if (found.length > 2 * player.length + 2) throw new Error("steps lead nowhere");
+    positions.push(player.position);
+    if (positions.length > 2 * player.length + 2) throw new Error("steps lead nowhere");
   }
-  return found;
+  return positions;
 }
 
 function playOne({ automaton, records, story_at, story_from, seeks }) {

@@ -48,12 +48,12 @@ def expected_states(plan: dict[str, Any], play: dict[str, Any], count: int) -> S
     Of a join a control shows only that it waits, or waits for ever.
     """
     nodes = plan["automaton"]["nodes"]
-    found: States = {}
+    states: States = {}
     for node, state, _ in shown_after(plan["automaton"], play["records"], count)["states"]:
         element = nodes[node]["element"]
         if element >= 0 and (nodes[node]["kind"] == "runner" or state in ("waiting", "stuck")):
-            found.setdefault(element, state)
-    return found
+            states.setdefault(element, state)
+    return states
 
 
 @dataclass
@@ -66,8 +66,8 @@ class Report:
     @property
     def plan(self) -> dict[str, Any]:
         """The first plan of the document."""
-        found: dict[str, Any] = self.document["plans"][0]
-        return found
+        plan: dict[str, Any] = self.document["plans"][0]
+        return plan
 
     def drawn(self) -> None:
         """Wait until what was asked for is drawn."""
@@ -109,19 +109,19 @@ class Report:
     def states(self) -> States:
         """What the rows of the tree show; they must all be in view."""
         self.drawn()
-        found: States = {}
+        states: States = {}
         for element, classes in self.page.evaluate(_TREE):
             match = re.search(r"state-(\w+)", classes)
             if match is not None and match.group(1) != "idle":
-                found[element] = match.group(1)
-        return found
+                states[element] = match.group(1)
+        return states
 
     def step(self) -> tuple[int, int]:
         """Which step is shown, of how many."""
         number, of = self.text(".play-place").split(" / ")
         return int(number), int(of)
 
-    def told(self) -> str:
+    def sentence(self) -> str:
         """The sentence of the story that is marked in the bar; "" for none."""
         self.drawn()
         return " ".join(self.texts(".playbar .story li.current"))

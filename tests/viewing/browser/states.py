@@ -32,30 +32,32 @@ def shown_after(
     automaton: Mapping[str, Any], records: Sequence[Mapping[str, Any]], count: int
 ) -> Shown:
     """The states and the taken edges after the first ``count`` records."""
-    told = [
+    happened = [
         record
         for record in records[:count]
         if record.get("record", True) and record["kind"] not in _ASIDE
     ]
-    taken = _taken(automaton, told)
+    taken = _taken(automaton, happened)
     states = [
         [number, *state]
         for number, node in enumerate(automaton["nodes"])
-        if (state := _state(automaton, number, node, told, taken)) is not None
+        if (state := _state(automaton, number, node, happened, taken)) is not None
     ]
     return {"states": states, "taken": sorted(taken)}
 
 
-def _taken(automaton: Mapping[str, Any], told: Sequence[Mapping[str, Any]]) -> set[int]:
+def _taken(automaton: Mapping[str, Any], records: Sequence[Mapping[str, Any]]) -> set[int]:
     """Edges whose source has emitted their event before the run was over."""
     taken: set[int] = set()
     nodes = automaton["nodes"]
-    emitted = [(0, "SUCCEEDED")] if _has_begun(told) else []
+    emitted = [(0, "SUCCEEDED")] if _has_begun(records) else []
     ends = {number for number, node in enumerate(nodes) if node["kind"] in ("complete", "give_up")}
     last = -1
-    for place, (source, event) in _events(automaton, told, emitted):
+    for place, (source, event) in _events(automaton, records, emitted):
         over = any(automaton["edges"][edge]["target"] in ends for edge in taken)
-        over = over or any(each["kind"] in ("CANCEL", "SILENCE", "ENDED") for each in told[:place])
+        over = over or any(
+            each["kind"] in ("CANCEL", "SILENCE", "ENDED") for each in records[:place]
+        )
         if over:
             break
         assert place >= last
@@ -68,25 +70,25 @@ def _taken(automaton: Mapping[str, Any], told: Sequence[Mapping[str, Any]]) -> s
     return taken
 
 
-def _has_begun(told: Sequence[Mapping[str, Any]]) -> bool:
-    return any(record["kind"] not in ("CANCEL", "SILENCE") for record in told)
+def _has_begun(records: Sequence[Mapping[str, Any]]) -> bool:
+    return any(record["kind"] not in ("CANCEL", "SILENCE") for record in records)
 
 
 def _events(
     automaton: Mapping[str, Any],
-    told: Sequence[Mapping[str, Any]],
+    records: Sequence[Mapping[str, Any]],
     first: list[tuple[int, str]],
 ) -> list[tuple[int, tuple[int, str]]]:
-    found = [(0, each) for each in first]
-    for place, record in enumerate(told):
+    events = [(0, each) for each in first]
+    for place, record in enumerate(records):
         node, kind = record.get("node", -1), record["kind"]
         if kind == "JOINED":
-            found.append((place, (node, "SUCCEEDED")))
+            events.append((place, (node, "SUCCEEDED")))
         elif kind in ("STARTED", "SUCCEEDED", "FAILED") and not _mute(
-            automaton, told[:place], record
+            automaton, records[:place], record
         ):
-            found.append((place, (node, kind)))
-    return found
+            events.append((place, (node, kind)))
+    return events
 
 
 def _mute(
@@ -106,11 +108,11 @@ def _state(
     automaton: Mapping[str, Any],
     number: int,
     node: Mapping[str, Any],
-    told: Sequence[Mapping[str, Any]],
+    records: Sequence[Mapping[str, Any]],
     taken: set[int],
 ) -> tuple[str, int] | None:
-    state = _untimely(number, node, told, automaton, taken)
-    end = next((record for record in told if record["kind"] == "ENDED"), None)
+    state = _untimely(number, node, records, automaton, taken)
+    end = next((record for record in records if record["kind"] == "ENDED"), None)
     if end is None:
         return state
     if state is None:
@@ -122,16 +124,16 @@ def _state(
 def _untimely(
     number: int,
     node: Mapping[str, Any],
-    told: Sequence[Mapping[str, Any]],
+    records: Sequence[Mapping[str, Any]],
     automaton: Mapping[str, Any],
     taken: set[int],
 ) -> tuple[str, int] | None:
     """The state if the run has not ended."""
     kind = node["kind"]
     if kind == "start":
-        return ("succeeded", 0) if _has_begun(told) else None
+        return ("succeeded", 0) if _has_begun(records) else None
     arrived = sum(automaton["edges"][edge]["target"] == number for edge in taken)
-    own = [record["kind"] for record in told if record.get("node", -1) == number]
+    own = [record["kind"] for record in records if record.get("node", -1) == number]
     if kind == "join":
         if "JOINED" in own:
             return "fired", arrived

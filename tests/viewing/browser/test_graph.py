@@ -41,8 +41,8 @@ def tour() -> dict[str, Any]:
 
 def view(report: Report) -> dict[str, float]:
     report.drawn()
-    found: dict[str, float] = report.page.evaluate(_VIEW)
-    return found
+    camera: dict[str, float] = report.page.evaluate(_VIEW)
+    return camera
 
 
 def item(report: Report, node: int) -> tuple[float, float]:
@@ -124,6 +124,21 @@ def test_keys_move_zoom_and_fold(report: Open) -> None:
         page.evaluate(f"(element) => {_STORE}.selectElement(element, 'tree')", element)
         open_report.press("Enter")
         assert page.evaluate(_FOLDED) == [0]
+
+
+def test_after_printing_the_automaton_is_what_it_was(report: Open) -> None:
+    """Some browsers tell a page of printing by two events alone."""
+    paper = f"() => {_GRAPH}.camera.onPaper"
+    with report(tour()) as open_report:
+        page = open_report.page
+        open_report.press("3", "+", "ArrowLeft")
+        before = view(open_report)
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        assert page.evaluate(paper)
+        assert view(open_report)["zoom"] != before["zoom"]
+        page.evaluate("dispatchEvent(new Event('afterprint'))")
+        assert not page.evaluate(paper)
+        assert view(open_report) == pytest.approx(before)
 
 
 def test_two_fingers_zoom(report: Open) -> None:
@@ -222,7 +237,7 @@ def flat() -> dict[str, Any]:
     recovery = f'<Control type="recovery">{_RUNNER}</Control>'
     room = '<Control type="parallel_all" name="room {}">' + 2 * _RUNNER + "</Control>"
     rooms = (f"{room.format(n)}{recovery}{_RUNNER}{recovery}" for n in range(60))
-    return document_of(f"<Plan>{''.join(rooms)}</Plan>")
+    return document_of("\n".join(["<Plan>", *rooms, "</Plan>"]))
 
 
 def test_a_flat_plan_opens_at_its_beginning_and_its_overview_can_be_read(report: Open) -> None:
@@ -277,7 +292,7 @@ _COVERED = f"""() => {{
       .filter(([, each]) => left < each.right && right > each.left
         && top < each.bottom && bottom > each.top)
       .map(([name]) => name),
-    told: [...document.querySelectorAll('.story li.current')].map((line) => {{
+    sentences: [...document.querySelectorAll('.story li.current')].map((line) => {{
       const {{ x, bottom }} = line.getBoundingClientRect();
       return document.elementFromPoint(x + 30, bottom - 4)?.closest('li') === line;
     }}),
@@ -289,18 +304,18 @@ def test_what_happens_in_a_step_is_in_view_and_nothing_covers_it(report: Open) -
     with report(tour(), size=(1280, 800)) as open_report:
         open_report.page.locator(".finding", has_text="GP303").locator(".finding-play").click()
         open_report.page.get_by_label("To the start").click()
-        told = 0
+        sentences = 0
         steps = open_report.step()[1]
         assert steps > 10
         for _ in range(steps):
             open_report.press(".")
             open_report.page.wait_for_timeout(450)  # the view and the overview have moved
-            found = open_report.page.evaluate(_COVERED)
-            assert not found["outside"]
-            assert found["covered"] == []
-            assert all(found["told"])
-            told += len(found["told"])
-        assert told >= 10  # in the list and in the bar
+            drawn = open_report.page.evaluate(_COVERED)
+            assert not drawn["outside"]
+            assert drawn["covered"] == []
+            assert all(drawn["sentences"])
+            sentences += len(drawn["sentences"])
+        assert sentences >= 10  # in the list and in the bar
         assert "give up" in open_report.page.evaluate(
             f"() => {_GRAPH}.picture().items[{_GRAPH}.picture().itemOf[{_STORE}.state.node]].lines"
         )

@@ -69,7 +69,7 @@ def test_a_step_of_a_scenario_is_the_same_in_another_browser(
                 page.wait_for_timeout(100)
                 assert shown(again) == before
                 assert again.step()[0] == step
-                assert again.told() == opened_report.told()
+                assert again.sentence() == opened_report.sentence()
                 assert not page.locator(NOTICE).count()
 
 
@@ -178,7 +178,7 @@ def test_plans_and_views(browser: Browser, report: Open) -> None:
 
 
 def test_a_step_of_a_comparison(browser: Browser, report: Open) -> None:
-    told = ".compare-said .play-now"
+    sentences = ".compare-said .play-now"
     with report(several(diff=True)) as opened_report:
         opening, _ = opened_report.step()
         assert opening > 0
@@ -186,11 +186,11 @@ def test_a_step_of_a_comparison(browser: Browser, report: Open) -> None:
         waits_for(opened_report, "#step=0")
         opened_report.press(".", ".", ".")
         waits_for(opened_report, "#step=3")
-        before = (opened_report.texts(told), opened_report.text(".play-place"))
+        before = (opened_report.texts(sentences), opened_report.text(".play-place"))
         with opened(browser, opened_report.page.url) as page:
             again = Report(page, opened_report.document)
             again.drawn()
-            assert (again.texts(told), again.text(".play-place")) == before
+            assert (again.texts(sentences), again.text(".play-place")) == before
         opened_report.page.locator(".compare-side .plan-link").first.click()
         waits_for(opened_report, "#plan=1")
         opened_report.page.go_back()

@@ -108,8 +108,8 @@ def test_text_that_no_frame_has_drawn_yet_is_waited_for(browser: Browser, tmp_pa
 
 
 def test_the_policy_of_a_report_stops_scripts(report: Open) -> None:
-    told = ["Content Security Policy", "http://127.0.0.1:9/x.png"]
-    with report(door_check(), allowed=told) as open_report:
+    violations = ["Content Security Policy", "http://127.0.0.1:9/x.png"]
+    with report(door_check(), allowed=violations) as open_report:
         ran = open_report.page.evaluate(
             """() => {
               const script = document.createElement('script');
@@ -242,7 +242,7 @@ def test_tab_reaches_everything_and_focus_is_seen(report: Open) -> None:
         reached, invisible = set(), []
         for _ in range(80):
             page.keyboard.press("Tab")
-            found = page.evaluate(
+            focused = page.evaluate(
                 """() => {
                   const one = document.activeElement;
                   const style = getComputedStyle(one);
@@ -252,13 +252,13 @@ def test_tab_reaches_everything_and_focus_is_seen(report: Open) -> None:
                           style.outlineStyle, parseFloat(style.outlineWidth)];
                 }"""
             )
-            reached.add(found[0])
+            reached.add(focused[0])
             if (
-                found[2] == "none"
-                and "splitter" not in found[1]
-                and not found[1].startswith("BODY")
+                focused[2] == "none"
+                and "splitter" not in focused[1]
+                and not focused[1].startswith("BODY")
             ):
-                invisible.append(found[1])
+                invisible.append(focused[1])
         assert reached >= {"findings", "graph", "source", "top"}
         assert invisible == []
 

@@ -53,13 +53,13 @@ def document_for(kind: str) -> dict[str, Any]:
 
 def walk(report: Report, label: str) -> list[States]:
     """The states at each step, until the end."""
-    found = [report.states()]
+    states = [report.states()]
     for _ in range(200):
         number, of = report.step()
         if number == (of if label == "Step forward" else 0):
-            return found
+            return states
         report.page.get_by_label(label).click()
-        found.append(report.states())
+        states.append(report.states())
     raise AssertionError("the steps have no end")
 
 
@@ -118,17 +118,17 @@ def test_the_story_goes_with_the_steps(report: Open) -> None:
     with report(document_for("give-up")) as open_report:
         play = open_report.open_play("GP302")
         story = play["story"]
-        assert open_report.told() == ""
+        assert open_report.sentence() == ""
         seen = []
         while open_report.step()[0] < open_report.step()[1]:
             open_report.press(".")
-            told = open_report.told()
-            if told:
-                seen.append(told)
+            sentence = open_report.sentence()
+            if sentence:
+                seen.append(sentence)
         assert seen == story  # none twice: where nothing of the story happens, nothing is marked
         # a click on a sentence goes to where it happens
         open_report.page.locator(".playbar .story-line").first.click()
-        assert open_report.told() == story[0]
+        assert open_report.sentence() == story[0]
         first = expected_states(open_report.plan, play, play["story_at"][0] + 1)
         assert open_report.states() == first
 
@@ -192,17 +192,17 @@ def test_what_is_marked_is_what_happens_in_the_step(report: Open) -> None:
         marked = []
         while open_report.step()[0] < open_report.step()[1]:
             open_report.press(".")
-            if open_report.told():
-                marked.append((open_report.text(".play-now"), open_report.told()))
+            if open_report.sentence():
+                marked.append((open_report.text(".play-now"), open_report.sentence()))
                 of_finding = open_report.page.locator(".finding.selected .story li.current")
-                assert of_finding.all_text_contents() == [open_report.told()]
+                assert of_finding.all_text_contents() == [open_report.sentence()]
     failure, join, *_, end = marked
     assert failure[0] == failure[1] == play["story"][0]
     assert join[0].startswith("parallel_all")
     assert "fails" in join[0]
     assert "the parallel_all 'both' at line 2 can no longer succeed" in join[1]
     assert end[0] == "the plan completes"
-    assert sorted(told for _, told in marked) == sorted(play["story"])
+    assert sorted(sentence for _, sentence in marked) == sorted(play["story"])
 
 
 def test_scrubbing_is_like_stepping(report: Open) -> None:
@@ -300,7 +300,7 @@ def test_a_task_shows_its_grade_and_where_the_plan_leaves_it(report: Open) -> No
         open_report.page.get_by_label("To the end").click()
         open_report.drawn()
         play = open_report.plan["plays"][graded["play"]]
-        assert open_report.told() == play["story"][-1]
+        assert open_report.sentence() == play["story"][-1]
 
 
 def test_the_timeline_shows_the_step_and_goes_to_the_one_that_is_clicked(report: Open) -> None:
@@ -337,8 +337,8 @@ def test_every_end_in_the_timeline_has_a_sign_and_a_word(report: Open) -> None:
         page = open_report.page
         open_report.open_play("GP303")
         ends = page.locator(".timeline-end")
-        told = [(end.inner_text(), end.get_attribute("title") or "") for end in ends.all()]
-        assert {"✓", "✗", "■"} <= {sign for sign, _ in told}
-        assert any(sign == "✗" and words.endswith(", failed") for sign, words in told)
-        assert all(words.endswith("stopped") for sign, words in told if sign == "■")
+        signs = [(end.inner_text(), end.get_attribute("title") or "") for end in ends.all()]
+        assert {"✓", "✗", "■"} <= {sign for sign, _ in signs}
+        assert any(sign == "✗" and words.endswith(", failed") for sign, words in signs)
+        assert all(words.endswith("stopped") for sign, words in signs if sign == "■")
         assert "the plan gives up" in open_report.text(".timeline-title")

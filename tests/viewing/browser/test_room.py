@@ -64,8 +64,8 @@ def of(*files: str, diff: bool = False) -> dict[str, Any]:
 def zooms(report: Report) -> list[float]:
     report.drawn()
     report.page.wait_for_timeout(300)  # until the view has moved there
-    found: list[float] = report.page.evaluate(_ZOOMS)
-    return found
+    zooms: list[float] = report.page.evaluate(_ZOOMS)
+    return zooms
 
 
 @pytest.mark.parametrize("size", [(1440, 900), (1240, 800), (1024, 768), (390, 844)])
@@ -386,8 +386,8 @@ def test_the_end_is_told_in_the_words_of_what_ends(report: Open) -> None:
 
 def test_a_few_findings_are_told_in_full(report: Open) -> None:
     with report(of(MACHINE)) as opened:
-        told = opened.texts(".finding-message")
-        assert len(told) == len(set(told)) == 4
+        messages = opened.texts(".finding-message")
+        assert len(messages) == len(set(messages)) == 4
         cut = "(all) => all.filter((one) => one.scrollHeight > one.clientHeight + 1).length"
         assert opened.page.locator(".finding-message").evaluate_all(cut) == 0
 
@@ -412,6 +412,16 @@ def test_the_folder_of_several_plans_is_told_once(report: Open) -> None:
         assert box["width"] > 300
         words.fill("robot/plans/b")
         assert opened.texts(".summary .plan-link") == ["b/door.json"]
+
+
+def test_a_whole_path_and_a_relative_one_have_no_folder_in_common(report: Open) -> None:
+    document = of(DOOR, MACHINE)
+    names = ["/home/robot/door.xml", "plans/door.json"]
+    for plan, name in zip(document["plans"], names, strict=True):
+        plan["name"] = name
+    with report(document) as opened:
+        assert opened.texts(".summary .plan-link") == names
+        assert " in " not in opened.text(".summary-totals")
 
 
 def test_what_is_searched_for_comes_before_what_only_resembles_it(report: Open) -> None:

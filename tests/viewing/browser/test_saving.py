@@ -200,6 +200,39 @@ def test_texts_are_copied_with_or_without_a_clipboard(clipboard: str, report: Op
         assert not opened_report.page.locator(".copied-text").count()
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_a_message_is_copied_as_it_is(named: bool, report: Open) -> None:
+    document = document_of((REPO / "docs" / "examples" / "door_check.xml").read_text("utf-8"))
+    (finding, *_) = document["plans"][0]["findings"]
+    finding["message"] = "expected : before the name"
+    name = f" {document['rules'][finding['rule']]['name']}" if named else ""
+    if not named:
+        del document["rules"][finding["rule"]]
+    with report(document) as opened_report:
+        opened_report.page.evaluate(_SPY)
+        opened_report.select(finding["rule"])
+        head, *_ = copied(opened_report, "Copy the finding as text").splitlines()
+        place = f"plan0.xml:{finding['line']}:{finding['column']}"
+        message = finding["message"]
+        assert head == f"{place}: {finding['severity']} {finding['rule']}{name}: {message}"
+
+
+def test_no_command_is_copied_for_a_name_that_a_terminal_would_obey(report: Open) -> None:
+    document = document_of("<Plan/>", "<Plan/>", "<Plan/>")
+    document["check"] = ""
+    for plan, name in zip(document["plans"], ("a.xml", "b\x1b[2J.xml", "c\x9b.xml"), strict=True):
+        plan["name"] = name
+    with report(document) as opened_report:
+        opened_report.page.locator(".plan-link").first.click()
+        command = opened_report.page.get_by_role("button", name="Copy command")
+        command.wait_for()
+        for _ in range(2):
+            opened_report.press("]")
+            assert not command.count()
+        opened_report.press("[", "[")
+        command.wait_for()
+
+
 def test_what_cannot_be_copied_is_shown_selected(report: Open) -> None:
     with report(door_check()) as opened_report:
         opened_report.page.evaluate(_REFUSED)

@@ -51,11 +51,11 @@ def modules(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def in_node(script: str, modules: Path, given: Any) -> Any:
+def in_node(script: str, modules: Path, value: Any) -> Any:
     """What a script says that uses the page's own modules."""
     done = subprocess.run(
         ["node", HERE / script, modules],
-        input=json.dumps(given),
+        input=json.dumps(value),
         capture_output=True,
         text=True,
         check=False,
@@ -66,8 +66,8 @@ def in_node(script: str, modules: Path, given: Any) -> Any:
 
 def play_in_node(modules: Path, runs: list[Record]) -> list[Record]:
     """What the page's own player shows of runs."""
-    found: list[Record] = in_node("play_records.mjs", modules, runs)
-    return found
+    records: list[Record] = in_node("play_records.mjs", modules, runs)
+    return records
 
 
 _MESSAGES = ("so be it", "its runner could not be loaded")  # the second is that of the kernel, too
@@ -160,14 +160,14 @@ def runs_by_chance() -> list[tuple[str, Compiled, Chance]]:
     """Runs of plans of all kinds, on all engines."""
     wanted = [(path, "paper") for path in (*PLANS, *TREES)]
     wanted += [(path, engine) for path in ENGINE_PLANS for engine in ("fabric-v1", "fabric-v2")]
-    found = []
+    runs = []
     for place, (path, engine) in enumerate(wanted):
         compiled = compiled_of(path, engine)
         if compiled is None:
             continue
         for seed in (2 * place, 2 * place + 1):
-            found.append((f"{path.name} on {engine}", compiled, Chance(compiled, seed)))
-    return found
+            runs.append((f"{path.name} on {engine}", compiled, Chance(compiled, seed)))
+    return runs
 
 
 def as_play(compiled: Compiled, chance: Chance) -> Record:
@@ -184,11 +184,11 @@ def as_play(compiled: Compiled, chance: Chance) -> Record:
 def by_chance(modules: Path) -> list[tuple[str, Chance, Record, Record]]:
     """Runs, what is given to the page, and what it shows."""
     runs = runs_by_chance()
-    given = [as_play(compiled, chance) for _, compiled, chance in runs]
-    shown = play_in_node(modules, given)
+    plays = [as_play(compiled, chance) for _, compiled, chance in runs]
+    shown = play_in_node(modules, plays)
     return [
-        (name, chance, play, found)
-        for (name, _, chance), play, found in zip(runs, given, shown, strict=True)
+        (name, chance, play, answer)
+        for (name, _, chance), play, answer in zip(runs, plays, shown, strict=True)
     ]
 
 
@@ -198,8 +198,8 @@ def test_chance_meets_everything(by_chance: list[tuple[str, Chance, Record, Reco
     ends = {chance.kernel.status.value for _, chance, _, _ in by_chance}
     states = {
         state
-        for _, _, _, found in by_chance
-        for shown in found["forwards"]
+        for _, _, _, answer in by_chance
+        for shown in answer["forwards"]
         for _, state, _ in shown["states"]
     }
     assert kinds >= {"TIMEOUT", "HELD", "NOT_LOADED", "LOG", "STOPPED", "JOINED"}
@@ -209,30 +209,30 @@ def test_chance_meets_everything(by_chance: list[tuple[str, Chance, Record, Reco
 
 
 def test_states_by_brute_force(by_chance: list[tuple[str, Chance, Record, Record]]) -> None:
-    for name, chance, play, found in by_chance:
-        for place, shown in enumerate(found["forwards"]):
+    for name, chance, play, answer in by_chance:
+        for place, shown in enumerate(answer["forwards"]):
             expected = shown_after(play["automaton"], chance.records, place)
             assert shown == expected, (name, place, chance.records[:place])
-        assert found["ended"] == chance.kernel.status.value
+        assert answer["ended"] == chance.kernel.status.value
 
 
 def test_backwards_and_anywhere(by_chance: list[tuple[str, Chance, Record, Record]]) -> None:
-    for name, _, play, found in by_chance:
-        assert found["backwards"] == found["forwards"], name
-        assert found["followed"] == found["forwards"][1:], name
-        assert found["sought"] == [found["forwards"][place] for place in play["seeks"]], name
+    for name, _, play, answer in by_chance:
+        assert answer["backwards"] == answer["forwards"], name
+        assert answer["followed"] == answer["forwards"][1:], name
+        assert answer["sought"] == [answer["forwards"][place] for place in play["seeks"]], name
 
 
 def test_states_are_those_of_the_kernel(
     by_chance: list[tuple[str, Chance, Record, Record]],
 ) -> None:
     compared = 0
-    for name, chance, play, found in by_chance:
+    for name, chance, play, answer in by_chance:
         nodes = play["automaton"]["nodes"]
         for place, expected in chance.expected.items():
             going_on = [
                 [node, state, count]
-                for node, state, count in found["forwards"][place]["states"]
+                for node, state, count in answer["forwards"][place]["states"]
                 if nodes[node]["kind"] == "join" or state in ("running", "triggered", "timeout")
             ]
             over = _over_by_time(chance.records[:place])
@@ -253,16 +253,16 @@ def _over_by_time(records: list[Record]) -> list[list[Any]]:
 
 
 def test_steps_lead_from_end_to_end(by_chance: list[tuple[str, Chance, Record, Record]]) -> None:
-    for name, _, play, found in by_chance:
+    for name, _, play, answer in by_chance:
         last = len(play["records"])
-        steps, back = found["steps"], found["stepsBack"]
+        steps, back = answer["steps"], answer["stepsBack"]
         assert steps == sorted(set(steps)), name
         assert steps[-1] == last
         assert back == sorted(set(back), reverse=True)
         assert back[-1] == 0
         assert sorted(back)[1:] == [step for step in steps if step != last], name
         # every step shows something: the states or edges are others than at the last one
-        shown = [found["forwards"][place] for place in (0, *steps)]
+        shown = [answer["forwards"][place] for place in (0, *steps)]
         kinds = [play["records"][step - 1]["kind"] for step in steps]
         same = [
             kind
@@ -282,16 +282,16 @@ def test_every_play_of_the_corpus_tells_its_story(modules: Path) -> None:
         for play in plan["plays"]
     ]
     assert len(plays) > 50
-    for play, found in zip(plays, play_in_node(modules, plays), strict=True):
+    for play, answer in zip(plays, play_in_node(modules, plays), strict=True):
         records = play["records"]
-        for place, shown in enumerate(found["forwards"]):
+        for place, shown in enumerate(answer["forwards"]):
             assert shown == shown_after(play["automaton"], records, place)
-        assert found["backwards"] == found["forwards"]
-        assert found["ended"] == play["ends"]
+        assert answer["backwards"] == answer["forwards"]
+        assert answer["ended"] == play["ends"]
         # at each step the marked sentences are those whose records are among the step's own
         spans = list(zip(play["story_from"], play["story_at"], strict=True))
         before = 0
-        for step in found["steps"]:
+        for step in answer["steps"]:
             own = range(before, step)
             expected = [
                 "current"
@@ -301,10 +301,10 @@ def test_every_play_of_the_corpus_tells_its_story(modules: Path) -> None:
                 else ""
                 for first, last in spans
             ]
-            assert found["story"][step] == expected, play["title"]
+            assert answer["story"][step] == expected, play["title"]
             before = step
-        assert set(found["story"][0]) <= {""}
-        assert set(found["story"][-1]) <= {"current", "past"}
+        assert set(answer["story"][0]) <= {""}
+        assert set(answer["story"][-1]) <= {"current", "past"}
 
 
 def _timed(*happened: tuple[int, str, int]) -> list[Record]:
@@ -329,24 +329,24 @@ _RUN = [
 
 
 def test_a_run_is_played_as_fast_as_it_was_but_nobody_waits_long(modules: Path) -> None:
-    given = {"automaton": _TWO, "records": _timed(*_RUN), "pace": "time", "speed": 2}
-    found = in_node("play_clock.mjs", modules, given)
+    play = {"automaton": _TWO, "records": _timed(*_RUN), "pace": "time", "speed": 2}
+    clock = in_node("play_clock.mjs", modules, play)
     # triggered and started in one instant is one step; half the time, and never more than 3 s
-    assert found["positions"] == [2, 3, 4, 5, 6]
-    assert found["waits"] == [16, 1000, 16, 250, 3000]
-    assert found["atEnd"]
-    assert found["told"] is False
+    assert clock["positions"] == [2, 3, 4, 5, 6]
+    assert clock["waits"] == [16, 1000, 16, 250, 3000]
+    assert clock["atEnd"]
+    assert clock["playing"] is False
 
 
 def test_a_scenario_is_played_evenly(modules: Path) -> None:
-    given = {"automaton": _TWO, "records": _timed(*_RUN), "pace": "even", "speed": 0.5}
-    found = in_node("play_clock.mjs", modules, given)
-    assert found["waits"] == [1400] * 5
+    play = {"automaton": _TWO, "records": _timed(*_RUN), "pace": "even", "speed": 0.5}
+    clock = in_node("play_clock.mjs", modules, play)
+    assert clock["waits"] == [1400] * 5
 
 
 def test_two_runs_go_on_at_the_same_times(modules: Path) -> None:
     other = _timed((0, "TRIGGERED", 1), (0, "STARTED", 1), (1_000_000, "FAILED", 1))
-    given = {"automaton": _TWO, "records": _timed(*_RUN), "other": other, "speed": 1}
-    found = in_node("play_clock.mjs", modules, given)
-    assert found["positions"] == [[2, 2], [2, 3], [4, 3], [5, 3], [6, 3]]
-    assert found["atEnd"]
+    play = {"automaton": _TWO, "records": _timed(*_RUN), "other": other, "speed": 1}
+    clock = in_node("play_clock.mjs", modules, play)
+    assert clock["positions"] == [[2, 2], [2, 3], [4, 3], [5, 3], [6, 3]]
+    assert clock["atEnd"]

@@ -27,8 +27,8 @@ UNRULY = "\u202eesrever\u202c \u0000 \u2028 \u200f\ufeff é😀 \ud800"
 
 
 def escaped(text: str) -> str:
-    found = text.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
-    return found.replace("\u0000", "").replace("\ud800", "")
+    escaped = text.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+    return escaped.replace("\u0000", "").replace("\ud800", "")
 
 
 def named(names: tuple[str, ...]) -> str:
