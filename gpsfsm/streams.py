@@ -347,16 +347,19 @@ def write_bytes(data: bytes, output_file: str, *, parents: bool = False) -> None
         _write_file(Path(os.path.realpath(output_file)), data)
 
 
-def check_writable(output_file: str, inputs: Iterable[str]) -> None:
+def check_writable(output_file: str, inputs: Iterable[str], others: Iterable[str] = ()) -> None:
     """Raise GpsfsmError for an output file that cannot be written, or that is one of ``inputs``.
 
-    To be called before the work is done, so that a wrong path costs no time.
+    XX
     """
     if output_file == STDOUT:
         return
     target = os.path.realpath(output_file)
     if any(os.path.realpath(path) == target for path in inputs):
         raise UsageError(f"writing {output_file} would overwrite a plan")
+    is_device = Path(target).exists() and not Path(target).is_file()
+    if not is_device and target in {os.path.realpath(each) for each in others if each != STDOUT}:
+        raise UsageError(f"{output_file} would be written twice; each report needs its own file")
     with _explained(output_file):
         if Path(target).is_dir():
             raise IsADirectoryError(0, "it is a folder")

@@ -138,8 +138,9 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     inputs = list(find_inputs(values.paths, values.field))
     wanted = _wanted(values)
     plans = [each.file for each in inputs if not each.stdin]
-    for file in (*(file for _, file in wanted), *filter(None, (values.summary,))):
-        check_writable(file, plans)
+    outputs = [*(file for _, file in wanted), *filter(None, (values.summary,))]
+    for place, file in enumerate(outputs):
+        check_writable(file, plans, outputs[:place])
     with (
         Gate(
             options, budget_ms=values.budget_ms, memory_mb=values.memory_mb, started=worker
