@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
 import pickle
-import struct
 import subprocess
 import sys
 import time
@@ -18,11 +16,10 @@ from gpsfsm.service import worker as service_worker
 from gpsfsm.workers import engine_of, map_items, pool_worker
 from gpsfsm.workers.builtin.processes import Processes
 from gpsfsm.workers.codec import encode
-from gpsfsm.workers.parent_link import ParentLink
 from gpsfsm.workers.pool_worker import _misuse
 from tests.cli.support import environment
 from tests.lsp.test_robust import alive
-from tests.workers.works import Double
+from tests.workers.works import Double, Hostile
 
 
 def described(item: int | str, how: str) -> str:
@@ -87,27 +84,6 @@ def test_a_program_without_a_guard_is_not_run_again(tmp_path: Path) -> None:
         command, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "0 2 4 6\n", "")
-
-
-class Hostile:
-    """What a worker may do that a text has taken over: it answers with something else."""
-
-    def __call__(self, item: int) -> int:
-        answers = {
-            1: (b"", pickle.dumps((1,))),
-            2: (b"{}", b'["1"]'),
-            3: (b"{}", b"[1, 2]"),
-            4: (b"{}", b"[1"),
-            5: (b"no message", b""),
-        }
-        if item not in answers:
-            return item
-        head, body = answers[item]
-        link = next(each for each in gc.get_objects() if isinstance(each, ParentLink))
-        link._out.write(b"".join(struct.pack(">I", len(each)) + each for each in (head, body)))
-        link._out.flush()
-        time.sleep(600)
-        return item
 
 
 def test_nothing_but_results_comes_back() -> None:
