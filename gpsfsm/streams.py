@@ -357,14 +357,14 @@ def check_writable(output_file: str, inputs: Iterable[str], others: Iterable[str
     target = os.path.realpath(output_file)
     if any(os.path.realpath(path) == target for path in inputs):
         raise UsageError(f"writing {output_file} would overwrite a plan")
-    is_device = Path(target).exists() and not Path(target).is_file()
-    if not is_device and target in {os.path.realpath(each) for each in others if each != STDOUT}:
-        raise UsageError(f"{output_file} would be written twice; each report needs its own file")
     with _explained(output_file):
         if Path(target).is_dir():
             raise IsADirectoryError(0, "it is a folder")
         if not Path(target).parent.is_dir():
             raise FileNotFoundError(0, "its folder does not exist")
+        is_device = Path(target).exists() and not Path(target).is_file()
+    if not is_device and target in {os.path.realpath(each) for each in others if each != STDOUT}:
+        raise UsageError(f"{output_file} would be written twice; each report needs its own file")
 
 
 def terminal_width(output_file: str = STDOUT) -> int | None:
