@@ -119,7 +119,8 @@ export function lineWords(plan, { line, column }) {
 // "SpeechRunner (text=Hello.) at line 4"
 export function nodeWords(plan, number) {
   const element = plan.elements[plan.automaton?.nodes[number]?.element];
-  return nodeName(plan, number) + (element ? ` at ${lineWords(plan, element)}` : "");
+  // In sentences as the findings have it: "line 1 column 88".
+  return nodeName(plan, number) + (element ? ` at ${lineWords(plan, element).replace(":", " column ")}` : "");
 }
 
 // "SpeechRunner (text=Hello.)"

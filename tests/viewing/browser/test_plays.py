@@ -258,7 +258,8 @@ def test_a_comparison_opens_where_the_plans_part(report: Open) -> None:
         current = ".compare-words li.current"
         assert open_report.texts(current) == document["diff"]["words"][-2:]
         assert open_report.text(".compare-foot .play-now") == "Here the plans part."
-        starts = [f"Say (text={text}) at line 1 starts" for text in ("no", "yes")]
+        place = f"line 1 column {first.index('<Runner', first.index('recovery')) + 1}"
+        starts = [f"Say (text={text}) at {place} starts" for text in ("no", "yes")]
         assert open_report.texts(".compare-said .play-now") == starts
         number, of = open_report.step()
         assert 0 < number < of
