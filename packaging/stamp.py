@@ -17,6 +17,7 @@ import re
 import subprocess
 import sys
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from pathlib import Path
 from runpy import run_path
 from typing import TYPE_CHECKING
@@ -85,15 +86,34 @@ def stamped(name: str, text: str, words: Identity) -> str:
     return text
 
 
+def names(root: Path) -> list[str]:
+    """The files that git tracks, or would track; in an unpacked archive, as .gitignore says."""
+    try:
+        listed = subprocess.run(
+            ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],  # noqa: S607
+            cwd=root,
+            capture_output=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return sorted(_walked(root, (root / ".gitignore").read_text("utf-8").split()))
+    return sorted(filter(None, os.fsdecode(listed.stdout).split("\0")))
+
+
+def _walked(root: Path, ignored: list[str]) -> Iterator[str]:
+    """The names of all files but those that fit a line of .gitignore: there are only plain ones."""
+    patterns = [".git", *(each.rstrip("/") for each in ignored)]
+    for folder, inner, files in os.walk(root):
+        inner[:] = [each for each in inner if not any(fnmatch(each, one) for one in patterns)]
+        links = [each for each in inner if Path(folder, each).is_symlink()]
+        for name in (*files, *links):
+            if not any(fnmatch(name, one) for one in patterns):
+                yield Path(folder, name).relative_to(root).as_posix()
+
+
 def texts(root: Path) -> Iterator[tuple[Path, str]]:
     """The files that git tracks, or would track, and that are texts."""
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],  # noqa: S607
-        cwd=root,
-        capture_output=True,
-        check=True,
-    )
-    for name in sorted(filter(None, os.fsdecode(listed.stdout).split("\0"))):
+    for name in names(root):
         file = root / name
         if file.is_symlink() or not file.is_file():
             continue

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from playwright.sync_api import Browser, ConsoleMessage, Locator, Page, Request
 
-__all__ = ["NEXT_FRAME", "launched", "opened", "shown_text", "shown_texts"]
+__all__ = ["NEXT_FRAME", "SETTLED", "launched", "opened", "shown_text", "shown_texts"]
 
 _ARGUMENTS = (
     "--no-sandbox",
@@ -29,6 +29,24 @@ _ARGUMENTS = (
 )
 NEXT_FRAME = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 """Waits until what was asked for is drawn."""
+SETTLED = """async () => {
+  const frame = () => new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+  const views = () => JSON.stringify([...document.querySelectorAll('.graph-touch')]
+    .map((touch) => touch.gpsfsmGraph?.camera)
+    .filter(Boolean)
+    .map(({ pan, zoom }) => [pan.x, pan.y, zoom]));
+  let [before, since, frames] = [views(), performance.now(), 0];
+  while (frames < 5 || performance.now() - since < 250) {
+    await frame();
+    frames += 1;
+    const now = views();
+    if (now !== before) [before, since, frames] = [now, performance.now(), 0];
+  }
+}"""
+"""Waits until no automaton has moved for a quarter of a second and for five frames.
+
+A time alone does not do: on a machine with much to do there are few frames in it.
+"""
 _TEXTS = """async (all) => {
   const frame = () => new Promise((done) => requestAnimationFrame(done));
   const skipped = (one) =>

@@ -168,7 +168,9 @@ def _begin(root: Path, base: str) -> Image:
             (root / name).symlink_to(system.readlink())
         elif system.is_dir():
             (root / name).mkdir(parents=True, exist_ok=True)
-    passed = {name: text for name, text in os.environ.items() if name.startswith(_PASSED_ON)}
+    passed = {
+        name: text for name, text in os.environ.items() if name.upper().startswith(_PASSED_ON)
+    }
     python = f"{Path(sys.base_prefix) / 'bin'}:/usr/sbin:/usr/bin:/sbin:/bin"
     return Image(root, {"PATH": python, **passed})
 

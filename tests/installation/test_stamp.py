@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -150,6 +151,18 @@ def test_tests_follow_the_owner(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stdout[-4000:]
+
+
+def test_an_unpacked_archive_has_the_same_files(stamp: dict[str, Any], tmp_path: Path) -> None:
+    """Of which git knows nothing; what is built or installed there does not count."""
+    copy = clone(tmp_path / "copy")
+    tracked = stamp["names"](copy)
+    assert len(tracked) > 1_000
+    shutil.rmtree(copy / ".git")
+    for name in (".venv/lib/a.py", "build/site/a.html", "tests/__pycache__/a.pyc"):
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        (copy / name).touch()
+    assert stamp["names"](copy) == tracked
 
 
 @pytest.mark.parametrize(

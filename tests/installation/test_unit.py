@@ -6,14 +6,12 @@ import configparser
 import re
 import shlex
 import shutil
-import socket
 import subprocess
-import time
-import urllib.error
-import urllib.request
 from pathlib import Path
+from threading import Timer
 from typing import TYPE_CHECKING
 
+import httpx
 import pytest
 
 from tests.cli.support import start
@@ -99,27 +97,22 @@ def started(line: str, folder: Path) -> subprocess.Popen[bytes]:
 
 def test_the_command_serves_and_ends_as_systemd_ends_it(tmp_path: Path) -> None:
     """The line as it stands; only the port is one that is free."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    process = started(f"{settings()['ExecStart']} --port {port}", tmp_path)
+    process = started(f"{settings()['ExecStart']} --port 0", tmp_path)
+    late = Timer(120, process.kill)
+    late.start()
     try:
-        until = time.monotonic() + 60
-        while True:
-            try:
-                with urllib.request.urlopen(f"http://127.0.0.1:{port}/livez", timeout=5) as answer:
-                    assert answer.status == 200
-                break
-            except urllib.error.HTTPError:
-                raise  # it serves, but not this
-            except (urllib.error.URLError, ConnectionError):
-                assert process.poll() is None
-                assert time.monotonic() < until
-                time.sleep(0.1)
+        assert process.stderr is not None
+        said: list[str] = []
+        while not (serving := re.search(r"serving at (http://127\.0\.0\.1:\d+)", "".join(said))):
+            said.append(process.stderr.readline().decode())
+            assert said[-1], "".join(said)  # it has ended
+        answer = httpx.get(f"{serving[1]}/livez", timeout=60, trust_env=False)
+        assert answer.status_code == 200
         assert (tmp_path / "queue.db").exists()
         process.terminate()
         assert process.wait(timeout=60) == 0, "Restart=on-failure would start it again"
     finally:
+        late.cancel()
         process.kill()
         process.communicate()
 

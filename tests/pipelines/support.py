@@ -10,6 +10,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from runpy import run_path
 from typing import TYPE_CHECKING
 
 import gpsfsm
@@ -24,7 +25,9 @@ __all__ = ["BAD", "GOOD", "REPO", "Place", "Snippet"]
 __all__ += ["clone", "git", "make_place", "snippets", "stand_in"]
 
 REPO = Path(__file__).parents[2]
+_STAMP = run_path(str(REPO / "packaging" / "stamp.py"))
 _FENCE = re.compile(r"^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
+_OTHER_GIT = re.compile(r"GIT_(?!CONFIG|SSL)")
 _TITLE = re.compile(r"^(?:#|//) (?P<file>\S+)\n")
 
 
@@ -111,9 +114,12 @@ def git(folder: Path, *words: str | Path) -> str:
     person = [
         *("-c", "user.name=Somebody", "-c", "user.email=somebody@example.org"),
         *("-c", "init.defaultBranch=main", "-c", "commit.gpgsign=false"),
+        *("-c", "safe.directory=*"),  # a checkout may belong to somebody else
     ]
+    # in a hook, these name another repository
+    kept = {name: text for name, text in os.environ.items() if not _OTHER_GIT.match(name)}
     done = subprocess.run(
-        ["git", *person, *words], cwd=folder, capture_output=True, text=True, check=False
+        ["git", *person, *words], cwd=folder, env=kept, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -121,8 +127,7 @@ def git(folder: Path, *words: str | Path) -> str:
 
 def clone(folder: Path) -> Path:
     """A repository with all that this one tracks as it is now, in one commit with a tag."""
-    listed = git(REPO, "ls-files", "-z", "--cached", "--others", "--exclude-standard")
-    for name in filter(None, listed.split("\0")):
+    for name in _STAMP["names"](REPO):
         source, target = REPO / name, folder / name
         if source.is_symlink() or source.is_file():
             target.parent.mkdir(parents=True, exist_ok=True)

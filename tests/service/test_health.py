@@ -119,24 +119,22 @@ def test_workers_that_are_gone_are_a_reason(tmp_path: Path) -> None:
 
 def test_it_drains_before_it_ends() -> None:
     """It answers all requests, also over new connections, and says that it is not ready."""
-    with Service("--workers", "1", "--drain", "3") as service, service.client() as client:
-        began_s = time.monotonic()
+    with Service("--workers", "1", "--drain", "3600") as service, service.client() as client:
         service.process.send_signal(signal.SIGTERM)
-        until(lambda: reasons(client) == ["draining"], 2)
+        until(lambda: reasons(client) == ["draining"])
         with service.client() as new:
             assert reasons(new) == ["draining"]
             assert new.get("/livez").status_code == 200
             assert new.post("/v1/gate", json={"plan": GOOD}).json()["verdict"] == "accepted"
-        service.process.wait(60)
-        assert time.monotonic() - began_s >= 3
-        assert service.process.returncode == 0
+        assert service.process.poll() is None
+        assert service.stop() == 0, "a second signal ends it"
 
 
-def test_a_second_signal_ends_the_draining() -> None:
-    with Service("--workers", "1", "--drain", "3600") as service, service.client() as client:
-        service.process.send_signal(signal.SIGTERM)
-        until(lambda: reasons(client) == ["draining"], 2)
+def test_it_drains_for_as_long_as_it_was_told_to() -> None:
+    with Service("--workers", "1", "--drain", "1.5") as service:
+        began_s = time.monotonic()
         assert service.stop() == 0
+        assert time.monotonic() - began_s >= 1.5
 
 
 def test_what_is_about_to_close_is_not_ready(tmp_path: Path) -> None:

@@ -87,7 +87,9 @@ def test_long_lines_of_the_editor_are_wrapped_beside_their_numbers(
         page.editor.click()
         page.page.keyboard.press("Control+End")
         page.page.keyboard.type("\n<!-- one more -->")
-        assert page.page.locator(".editor-copy > div").count() == text.count("\n") + 2
+        lines = page.page.locator(".editor-copy > div")
+        lines.nth(text.count("\n") + 1).wait_for(state="attached")
+        assert lines.count() == text.count("\n") + 2
 
 
 def test_only_the_last_text_counts(service: Service, live: Open) -> None:

@@ -92,7 +92,9 @@ def test_a_run_is_followed_unless_somebody_looks_elsewhere(service: Service, liv
         page.run(LONG, speed="20")
         page.page.locator(".run-badge.held").wait_for()
         tops, acted = set(), 0
+        until_s = time.monotonic() + 300
         while not page.over.count():
+            assert time.monotonic() < until_s, "the run does not end"
             with suppress(PlaywrightTimeoutError):  # the run has just ended
                 page.button("Step: let one event happen, then pause").click(timeout=2_000)
             page.page.wait_for_timeout(200)

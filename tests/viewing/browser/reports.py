@@ -10,7 +10,7 @@ from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
 from gpsfsm.viewing.document import document
 from gpsfsm.viewing.plans import Viewed
-from tests.browser_support import NEXT_FRAME, shown_text, shown_texts
+from tests.browser_support import NEXT_FRAME, SETTLED, shown_text, shown_texts
 from tests.viewing.browser.states import shown_after
 
 if TYPE_CHECKING:
@@ -72,6 +72,10 @@ class Report:
     def drawn(self) -> None:
         """Wait until what was asked for is drawn."""
         self.page.evaluate(NEXT_FRAME)
+
+    def settled(self) -> None:
+        """Wait until the views have moved to where they go, and what follows them has followed."""
+        self.page.evaluate(SETTLED)
 
     def press(self, *keys: str) -> None:
         """Press keys, and wait for what they do."""

@@ -249,7 +249,7 @@ def test_a_flat_plan_opens_at_its_beginning_and_its_overview_can_be_read(report:
         assert pane["x"] < x < pane["x"] + pane["width"]
         assert pane["y"] < y < pane["y"] + pane["height"] / 2
         open_report.press("f")
-        open_report.page.wait_for_timeout(300)  # until it is there
+        open_report.settled()
         zoom = view(open_report)["zoom"]
         blocks = open_report.page.evaluate(f"() => {_GRAPH}.blocks({_GRAPH}.picture(), {zoom})")
         assert 4 < len(blocks) < 60
@@ -309,7 +309,7 @@ def test_what_happens_in_a_step_is_in_view_and_nothing_covers_it(report: Open) -
         assert steps > 10
         for _ in range(steps):
             open_report.press(".")
-            open_report.page.wait_for_timeout(450)  # the view and the overview have moved
+            open_report.settled()
             drawn = open_report.page.evaluate(_COVERED)
             assert not drawn["outside"]
             assert drawn["covered"] == []

@@ -62,11 +62,11 @@ def test_a_step_of_a_scenario_is_the_same_in_another_browser(
         for step in range(1, opened_report.step()[1] + 1):
             opened_report.press(".")
             waits_for(opened_report, f"#finding=GP303:6:5&step={step}")
-            opened_report.page.wait_for_timeout(100)  # the other panes follow a step after a moment
+            opened_report.settled()  # the other panes follow a step after a moment
             before = shown(opened_report)
             with opened(browser, opened_report.page.url) as page:
                 again = Report(page, opened_report.document)
-                page.wait_for_timeout(100)
+                again.settled()
                 assert shown(again) == before
                 assert again.step()[0] == step
                 assert again.sentence() == opened_report.sentence()

@@ -266,7 +266,7 @@ def test_a_picture_shows_what_it_is_kept_for(file: str, browser: Browser) -> Non
     ):
         script().pose(page, picture)
         for structure in STRUCTURES[file]:
-            expect(page.locator("body")).to_match_aria_snapshot(structure)
+            expect(page.locator("body")).to_match_aria_snapshot(structure, timeout=20_000)
         assert page.locator(".page-error, .toast").count() == 0
         if not picture.paper:
             assert misfits(page, least=24 if picture.size[0] < 600 else 18) == []

@@ -163,10 +163,11 @@ def test_playing_goes_to_the_end_and_stops(report: Open) -> None:
 
 def test_space_pauses_what_the_button_of_a_finding_plays(report: Open) -> None:
     playing = "() => globalThis.gpsfsmPage.store.state.playing"
-    with report(document_for("give-up")) as open_report:
+    with report(document_of(TOUR)) as open_report:
         page = open_report.page
-        page.locator(".finding", has_text="GP302").locator(".finding-play").first.click()
+        page.locator(".finding", has_text="GP303").locator(".finding-play").first.click()
         page.locator(".play-button[aria-label=Pause]:focus").wait_for()
+        assert open_report.step()[1] > 10, "it is not over before it is paused"
         for is_playing in (False, True, False):
             open_report.press(" ")
             assert page.evaluate(playing) is is_playing

@@ -62,8 +62,7 @@ def of(*files: str, diff: bool = False) -> dict[str, Any]:
 
 
 def zooms(report: Report) -> list[float]:
-    report.drawn()
-    report.page.wait_for_timeout(300)  # until the view has moved there
+    report.settled()
     zooms: list[float] = report.page.evaluate(_ZOOMS)
     return zooms
 
@@ -179,7 +178,7 @@ def test_on_paper_the_automaton_has_the_width_of_the_sheet(report: Open) -> None
         page = opened.page
         page.evaluate("dispatchEvent(new Event('beforeprint'))")
         page.emulate_media(media="print")
-        page.wait_for_timeout(300)
+        opened.settled()
         across, along = page.evaluate(drawn)
         assert across > 0.9
         assert along > 0.9
@@ -363,7 +362,7 @@ def test_brackets_hide_no_sign(report: Open) -> None:
         opened.open_play("GP303")
         opened.press(".", ".", ".")
         page = opened.page
-        page.wait_for_timeout(300)
+        opened.settled()
         node = page.evaluate("() => gpsfsmPage.store.state.node")
         state = page.evaluate("(node) => gpsfsmPage.store.state.states.get(node).state", node)
         assert state == "failed"
@@ -448,7 +447,7 @@ def test_what_is_played_is_not_below_the_buttons(report: Open) -> None:
         assert graph is not None
         for _ in range(7):
             opened.press(".")
-            opened.page.wait_for_timeout(300)
+            opened.settled()
             top = opened.page.evaluate(
                 """() => {
                   const pane = document.querySelector('.graph-touch').gpsfsmGraph;

@@ -146,7 +146,7 @@ def test_the_png_has_the_size_of_what_is_seen(report: Open) -> None:
     with report(door_check()) as opened_report:
         page = opened_report.page
         page.get_by_label("Show everything (f)").click()
-        page.wait_for_timeout(400)
+        opened_report.settled()
         width, height = page.evaluate(
             "(({ width, height }) => [width, height])"
             "(document.querySelector('.graph-touch').gpsfsmGraph.picture)"
