@@ -350,7 +350,8 @@ def write_bytes(data: bytes, output_file: str, *, parents: bool = False) -> None
 def check_writable(output_file: str, inputs: Iterable[str], others: Iterable[str] = ()) -> None:
     """Raise GpsfsmError for an output file that cannot be written, or that is one of ``inputs``.
 
-    XX
+    ``others`` are the other files that are written, or standard output. To be called before the
+    work is done, so that a wrong path costs no time.
     """
     if output_file == STDOUT:
         return
