@@ -2,9 +2,9 @@
 
 An event has a level, a name, a message and fields. As text it is ``gpsfsm:`` and its message, and
 for a defect where that is in the source; as JSON it is an object on a line of its own, with its
-time and all fields. A thread writes, so that a
-terminal or pipe that takes nothing more cannot hold up whoever serves a robot: when too many lines
-wait, further ones are counted and dropped. Messages and fields never hold tokens or texts of plans.
+time and all fields. A thread writes, so that a terminal or pipe that takes nothing more cannot hold
+up whoever serves a robot: when too many lines wait, further ones are counted and dropped. Messages
+and fields never hold tokens or texts of plans.
 
     with writing("info", "json"):
         event("info", "serving", "serving at http://…", address="http://…")

@@ -69,7 +69,7 @@ def excess(
 ) -> Iterator[Finding]:
     """At most one finding: that a run can take more than the limit.
 
-    ``found`` is what the plan takes at least and at most. Where that is not known, ``unknown``
+    ``span`` is what the plan takes at least and at most. Where that is not known, ``unknown``
     says why, "" if there is nothing to say.
     """
     message = unknown() if span is None else _message(context, limit, amounts, span)

@@ -126,13 +126,12 @@ def fix_text(
     options = options or CheckOptions()
     path = path or "<text>"
     report = check_text(text, path, options)
-    if report.source is None:  # nothing of a plan is in it, or it cannot be read
+    original = report.source
+    if original is None:  # nothing of a plan is in it, or it cannot be read
         original = read_source(text, options.limits).text or ""
+    if not report.source or not report.findings:
         count = len(report.findings)
         return Fixed(original, original, (), report, before=count, after=count)
-    original = report.source
-    if not original or not report.findings:
-        return Fixed(original, original, (), report)
     session = _Session(_of_all_rules(text, path, options, report), options, path)
     before = session.count(report)
     session.run(Safety.SAFE)

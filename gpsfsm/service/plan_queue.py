@@ -234,9 +234,8 @@ class PlanQueueClient:
             async with asyncio.timeout(_ANSWER_S):
                 try:
                     await process.send({**head, "id": number}, body)
-                except (
-                    GoneError
-                ):  # whoever listens may notice it later, and breaks the future off then
+                except GoneError:
+                    # Whoever listens may notice it later, and breaks the future off then.
                     await process.end()
                 answer = await future
         except TimeoutError:

@@ -4,6 +4,7 @@
 // time. North is up, lengths are to scale, texts have one size whatever the scale.
 
 import { clipText, el, replaceContent, svg, visibleText } from "./dom.js";
+import { lineWords } from "./words.js";
 
 /** @import { createScene } from "./scene.js" */
 
@@ -373,7 +374,7 @@ export function goalsOf(plan) {
     if (!x || !y) return;
     const place = `${Number(x[1])} ${Number(y[1])}`;
     if (!goals.has(place)) {
-      goals.set(place, { x: Number(x[1]), y: Number(y[1]), text: `${each.label}, line ${each.line}`, element });
+      goals.set(place, { x: Number(x[1]), y: Number(y[1]), text: `${each.label}, ${lineWords(plan, each)}`, element });
     }
   });
   return [...goals.values()];

@@ -68,7 +68,7 @@ export function mountSource(container, store) {
   function chosenRow() {
     const { state, plan } = store;
     if (state.line <= 0) return -1;
-    const places = [plan.findings[state.finding], plan.elements[state.element]];
+    const places = [plan.elements[state.element], plan.findings[state.finding]];
     return rowAt(state.line, places.find((place) => place?.line === state.line)?.column);
   }
 
@@ -101,14 +101,19 @@ export function mountSource(container, store) {
     );
   }
 
-  function isInRow({ line, column }, number) {
-    return rowAt(line, rows[number].isCut ? column : 1) === number;
+  function isInRow(place, number) {
+    const { line, start, isCut } = rows[number];
+    if (place.line !== line || !isCut) return place.line === line;
+    const next = rows[number + 1];
+    return place.column > start && (next?.line !== line || place.column <= next.start);
   }
 
   function pieces(points, { line, start: before, inComment }) {
     const tokens = json ? colorJson(points) : colorLine(points, inComment);
     const folds = json ? foldedJson(points) : foldedParts(tokens, points);
-    const own = (marks.get(line) || []).map((mark) => ({ ...mark, start: mark.start - before, end: mark.end - before }));
+    const own = (marks.get(line) || [])
+      .filter(({ start, end }) => end > before && start < before + points.length)
+      .map((mark) => ({ ...mark, start: mark.start - before, end: mark.end - before }));
     const spans = [];
     for (const token of tokens) {
       const cuts = [...own, ...folds];

@@ -51,4 +51,16 @@ def test_a_plan_on_one_line_has_a_row_for_each_tag(report: Open) -> None:
         assert 'x="59"' in opened.text(".source .line.selected")
 
 
+def test_what_is_chosen_elsewhere_is_shown_though_a_finding_is_open(report: Open) -> None:
+    with report(document_of(one_line(20))) as opened:
+        opened.select("GP202")
+        current = opened.page.locator(".source .line.current")
+        assert 'x="-1"' in (current.text_content() or "")
+        opened.page.get_by_role("tab", name=re.compile("Tree")).click()
+        opened.page.locator(".tree .row", has_text="x=3").first.click()
+        opened.drawn()
+        assert current.count() == 1
+        assert 'x="3"' in (current.text_content() or "")
+
+
 _INDENT = "(code) => parseFloat(getComputedStyle(code).marginLeft)"
