@@ -17,7 +17,8 @@ at the end. A loop passes through an outcome: where nothing in the body has one,
 
 *What is not known* (a value, a clock, how often a bounded loop has gone round) is a choice
 (``model/capability.py``): the machine has all runs that the tree has, and perhaps more. So what it
-never does the tree never does. ``TreeMachine.approximated`` are the nodes of which that is true.
+never does the tree never does. ``MachinePlan.inexact`` are the choices, and all else of which that
+is true.
 """
 
 from __future__ import annotations

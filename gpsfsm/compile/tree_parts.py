@@ -22,6 +22,7 @@ from gpsfsm.model.automaton import Edge, Node, NodeKind
 from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Attribute, Element, Kind
+from gpsfsm.model.precision import Approximation, Cause, Reading
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -100,6 +101,12 @@ def ends_at(condition: str, signals: Signals) -> Ends:
     return Ends(success=signals) if condition == "_successIf" else Ends(skipped=signals)
 
 
+def _construct(node: TreeNode, of: str) -> str:
+    """The construct that a choice stands for: a condition among the attributes, else the node."""
+    name = of.partition(":")[0]
+    return name if name.startswith("_") else node.identity
+
+
 class Part(NamedTuple):
     """A node of the machine, before all are numbered."""
 
@@ -119,7 +126,8 @@ class Parts:
     edges: list[tuple[Signals, int]] = field(default_factory=list)
     stops: list[tuple[Signals, int]] = field(default_factory=list)
     ports: list[Signals] = field(default_factory=list)
-    approximated: dict[int, TreeNode] = field(default_factory=dict)
+    approximations: dict[tuple[int, str], Approximation] = field(default_factory=dict)
+    inexact: set[int] = field(default_factory=set)  # parts that the tree may have no run through
     runners: int = 0
     ties: Ties = field(init=False)
 
@@ -137,12 +145,26 @@ class Parts:
         return Ends((4 * index,), (4 * index + 1,))
 
     def choice(
-        self, node: TreeNode, of: str, enter: Signals, about: Question | None = None
+        self,
+        node: TreeNode,
+        of: str,
+        enter: Signals,
+        about: Question | None = None,
+        *,
+        cause: Cause = Cause.VALUE,
     ) -> Ends:
         """Nobody knows: it holds (success) or it does not (failure)."""
-        self.approximated.setdefault(node.index, node)
         self.ties.ask(len(self.parts), about)
-        return self.own(node, CHOICE, enter, of)
+        ends = self.own(node, CHOICE, enter, of)
+        self.approximate(node, cause, len(self.parts) - 1, construct=_construct(node, of))
+        return ends
+
+    def approximate(self, node: TreeNode, cause: Cause, begin: int, *, construct: str = "") -> None:
+        """The parts from ``begin`` on may have runs that the tree does not have."""
+        construct = construct or node.identity
+        reading = Approximation(Reading.OVER, construct, node.location, cause)
+        self.approximations.setdefault((node.index, construct), reading)
+        self.inexact.update(range(begin, len(self.parts)))
 
     def tick(self, node: TreeNode, enter: Signals) -> Signals:
         """A moment later."""
@@ -253,7 +275,8 @@ class Parts:
             edges=edges,
             stops=stops,
             ties=tuple(self.ties.all(place, self.meant)),
-            approximated=tuple(node.location for _, node in sorted(self.approximated.items())),
+            approximations=tuple(each for _, each in sorted(self.approximations.items())),
+            inexact=frozenset(place[each] for each in self.inexact),
         )
 
     def resolved(self, rows: list[tuple[Signals, int]], place: dict[int, int]) -> tuple[Edge, ...]:
