@@ -16,6 +16,7 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.compile.tree_scripts import Scripts
 from gpsfsm.compile.tree_ties import Question, Ties
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.model.automaton import Edge, Node, NodeKind
@@ -37,6 +38,7 @@ Signals = tuple[int, ...]
 """Events: that of a node is ``4 * node + event``; -1, -2, … are ports."""
 
 _EVENTS = (Event.SUCCEEDED, Event.FAILED)
+_STATUSES = ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING")
 
 
 class Ends(NamedTuple):
@@ -129,10 +131,13 @@ class Parts:
     approximations: dict[tuple[int, str], Approximation] = field(default_factory=dict)
     inexact: set[int] = field(default_factory=set)  # parts that the tree may have no run through
     runners: int = 0
+    thrown: list[int] = field(default_factory=list)  # events by which an exception ends the tree
     ties: Ties = field(init=False)
+    scripts: Scripts = field(init=False)
 
     def __post_init__(self) -> None:
         self.ties = Ties(self.forest.models or {})
+        self.scripts = Scripts.of(self.forest)
 
     def runner(self, node: TreeNode, attributes: tuple[Attribute, ...], enter: Signals) -> Ends:
         """A runner that these events trigger. Raises TooLargeError."""
@@ -165,6 +170,15 @@ class Parts:
         reading = Approximation(Reading.OVER, construct, node.location, cause)
         self.approximations.setdefault((node.index, construct), reading)
         self.inexact.update(range(begin, len(self.parts)))
+
+    def evaluated(self, node: TreeNode, name: str, enter: Signals) -> Signals:
+        """The events on which the script in an attribute has been evaluated without throwing."""
+        if not (enter and node.attribute(name) and self.scripts.may_throw(node.text(name))):
+            return enter
+        of = f"{name}: it does not throw"
+        chosen = self.choice(node, of, enter, cause=Cause.THROWS)
+        self.thrown += chosen.failure
+        return chosen.success
 
     def tick(self, node: TreeNode, enter: Signals) -> Signals:
         """A moment later."""
@@ -209,6 +223,11 @@ class Parts:
             return Ends()
         if name == "SUCCESS":
             return Ends(success=signals)
+        if name not in _STATUSES:  # it throws, unless a version takes that for FAILURE
+            name = "FAILURE"
+            chosen = self.choice(node, f"{status.strip()} is a status", signals, cause=Cause.THROWS)
+            self.thrown += chosen.failure
+            signals = chosen.success
         return Ends(skipped=signals) if name == "SKIPPED" else Ends(failure=signals)
 
     def is_outcome(self, signal: int) -> bool:
@@ -262,7 +281,10 @@ class Parts:
         )
         edges = self.resolved(
             [(signals, place[target]) for signals, target in self.edges]
-            + [(ends.success, complete), (joined(ends.failure, ends.skipped), give_up)],
+            + [
+                (ends.success, complete),
+                (joined(ends.failure, ends.skipped, tuple(self.thrown)), give_up),
+            ],
             place,
         )
         stops = self.resolved([(signals, place[target]) for signals, target in self.stops], place)

@@ -269,9 +269,14 @@ def _recovery(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 
 def _round_robin(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
-    """Nav2's RoundRobin: it goes on behind the child that it has tried last."""
+    """Nav2's RoundRobin: it goes on behind the child that it has tried last.
+
+    Since December 2025 it ends at its last child, whose success it returns as a failure, unless
+    ``wrap_around`` is true (round_robin_node.cpp); before, there is no such port.
+    """
     if not visit.again:
-        return (yield from _row(c, node.children, visit, sequence=False))
+        row = yield from _row(c, node.children, visit, sequence=False)
+        return _wrapped(c, node, row)
     enter, entering = visit.enter, []
     for position in range(1, len(node.children)):
         chosen = c.choice(
@@ -294,7 +299,16 @@ def _round_robin(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         failed.append(chosen.success)
         arriving = chosen.failure
     c.back(node, wraps, arriving)
-    return Ends(joined(*out), joined(*failed))
+    return _wrapped(c, node, Ends(joined(*out), joined(*failed)))
+
+
+def _wrapped(c: Compiler, node: TreeNode, ends: Ends) -> Ends:
+    """The ends of a RoundRobin, of which a success may be a failure in some version."""
+    if node.text("wrap_around").strip().lower() in ("true", "1") or not ends.success:
+        return ends
+    of = "the success of this RoundRobin counts"
+    chosen = c.choice(node, of, ends.success, cause=Cause.VERSION)
+    return ends._replace(success=chosen.success, failure=joined(ends.failure, chosen.failure))
 
 
 def _delay(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
@@ -353,7 +367,8 @@ def _run_once(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 def _precondition(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     begin = c.port(visit.enter)
     about = question(node.text("if"), visit.scope)
-    chosen = c.choice(node, f"if: {node.text('if')}", (begin,), about)
+    enter = c.evaluated(node, "if", (begin,))
+    chosen = c.choice(node, f"if: {node.text('if')}", enter, about)
     ends = yield from c.child(node, visit._replace(enter=chosen.success))
     otherwise = c.ends_of(node, node.text("else") or "FAILURE", chosen.failure, begin)
     return all_of((ends, otherwise))

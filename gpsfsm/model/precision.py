@@ -38,6 +38,7 @@ class Cause(StrEnum):
     VALUE = "depends on a value that is not read"
     CLOCK = "depends on a clock"
     ROUNDS = "its rounds are not counted"
+    VERSION = "versions of the engine differ"
     THROWS = "it may throw, which ends the tree"
     ORDER = "the order of events is not followed"
     PRIORITY = "priorities are not followed"
