@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from gpsfsm.analysis.machines.search import Step
-    from gpsfsm.compile.instants import Configuration
+    from gpsfsm.compile.instants import Configuration, Instant
 
 NOWHERE = -1
 """The number of a configuration that is not in the exact part."""
@@ -50,7 +50,8 @@ class ExactPart(Exploration):
         self._everything = False
         for node in inexact:
             self._leave_out(node)
-        self._add(0)
+        if not self._enters(self.instants.first()):
+            self._add(0)
         self.reached = len(self.configurations)
 
     def _leave_out(self, node: int) -> None:
@@ -69,8 +70,14 @@ class ExactPart(Exploration):
 
     def instead(self, at: int, number: int, outcome: int) -> int:
         """The configuration that this outcome leads to; NOWHERE if that is not exact."""
-        target = self._whole.instead(self.sources[at], number, outcome)
-        return self._add(target)
+        instant = self.instants.after(self.configurations[at], number, outcome)
+        if self._enters(instant):
+            return NOWHERE
+        return self._add(self._whole.instead(self.sources[at], number, outcome))
+
+    def _enters(self, instant: Instant) -> bool:
+        """True if something inexact is entered at an instant."""
+        return bool(instant.joined & self._joins or instant.triggered & self._runners)
 
     def _add(self, start: int) -> int:
         """The own number of a configuration, which is added with all that it leads to."""
