@@ -133,7 +133,8 @@ def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
         for name in ends:
             if name not in places:
                 raise _TextError(f"a connection names the node {shown(name)}, which does not exist")
-        data = {"event": row.get("event"), "action": row.get("action", "trigger")}
+        data = {key: row[key] for key in row if key not in ("source", "target", "key")}
+        data |= {"event": row.get("event"), "action": row.get("action", "trigger")}
         graph.add_edge(*ends, number, **data)
     return graph, places
 
