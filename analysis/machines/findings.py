@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import actor, count, fewest_words, listed, place
 from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, Instants
-from gpsfsm.model.capability import OWN
+from gpsfsm.compile.units import TreeMachine
+from gpsfsm.model.capability import OWN, TICK
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, Severity, TraceStep
 from gpsfsm.model.plan import line_words
@@ -155,10 +156,16 @@ class Findings:
     def _unreachable(self) -> Iterator[Finding]:
         for number in self.answers.unreachable:
             element = self.plan.runners[number]
+            if element.interface == TICK:  # stands for nothing that a file has
+                continue
             yield rule("GP301").finding(
-                f"no run of the {self.terms.whole} triggers {place(element)}",
+                f"no run of the {self.terms.whole} triggers {place(element)}{self._cause(element)}",
                 self.plan.location(element),
             )
+
+    def _cause(self, _element: Element) -> str:
+        """The reason why a runner is never triggered, if it is in the file."""
+        return ""
 
     def _ends(self) -> Iterator[Finding]:
         whole, answers, terms = self.plan.location(0), self.answers, self.terms
@@ -417,6 +424,14 @@ def answers_for_tree(answers: Answers, automaton: Automaton) -> Answers:
 
 class TreeFindings(Findings):
     """The findings about one tree."""
+
+    def _cause(self, element: Element) -> str:
+        pruned = self.plan.pruned if isinstance(self.plan, TreeMachine) else ()
+        for each in pruned:
+            if each.spot == element.spot:
+                verb = "fails" if each.fails else "succeeds"
+                return f": {each.before} at {each.location.words} never {verb}"
+        return ""
 
     def _severity_of_never(self) -> Severity | None:
         """A tree that goes round for ever is mostly meant to."""

@@ -23,7 +23,7 @@ is true.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.compile import tree_reactive, tree_rows
@@ -44,12 +44,13 @@ from gpsfsm.compile.tree_reactive import other
 from gpsfsm.compile.tree_scripts import AFTERWARDS, reads_blackboard
 from gpsfsm.compile.tree_ties import question
 from gpsfsm.compile.trees import EMPTY_SCOPE, leaf_attributes, scope_of
+from gpsfsm.compile.units import Pruned
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.precision import Cause
 from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Builtin, Meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from gpsfsm.compile.tree_ties import Question
     from gpsfsm.compile.units import TreeMachine
@@ -65,6 +66,15 @@ _CONDITIONS = ("_failureIf", "_successIf", "_skipIf")
 _WHILE = "_while"
 _KEEPING = (Meaning.SINGLE_TRIGGER, Meaning.GATE, Meaning.PASS, Meaning.MAYBE)
 """Nodes that, in some release, do not reset their child when it has ended."""
+_ROWS = {
+    Meaning.SEQUENCE: False,
+    Meaning.MEMORY: False,
+    Meaning.REACTIVE_SEQUENCE: False,
+    Meaning.FALLBACK: True,
+    Meaning.FALLBACK_MEMORY: True,
+    Meaning.REACTIVE_FALLBACK: True,
+}
+"""Nodes that go on to the next child; True if its failure leads there."""
 _PLAIN = {
     Meaning.SEQUENCE,
     Meaning.REACTIVE_SEQUENCE,
@@ -109,11 +119,31 @@ class Compiler(Parts):
         top = self.forest.nodes[self.forest.main]
         self.parts.append(Part(NodeKind.START, top))
         ends = self.compile(Visit(self.only_child(top), (0,), EMPTY_SCOPE))
-        for leaf in self.pruned(top):
+        leaves = self.unentered(top)
+        for leaf in leaves:
             self.leaf(leaf, Visit(leaf.index, (), EMPTY_SCOPE))
-        return self.numbered(top, ends)
+        causes = (self.cause(leaf, {each.index for each in leaves}) for leaf in leaves)
+        pruned = tuple(each for each in causes if each is not None)
+        return replace(self.numbered(top, ends), pruned=pruned)
 
-    def pruned(self, top: TreeNode) -> list[TreeNode]:
+    def cause(self, leaf: TreeNode, unentered: Collection[int]) -> Pruned | None:
+        """The node before a leaf that never lets it come, if it stands in a row with it."""
+        node = leaf
+        while node.parent >= 0:
+            around = self.forest.nodes[node.parent]
+            position = around.children.index(node.index)
+            before = around.children[position - 1] if position else -1
+            if position and before not in unentered:
+                builtin = self.builtin(around, around.identity)
+                if builtin is None or builtin.meaning not in _ROWS:
+                    return None
+                other = self.forest.nodes[before]
+                fails = _ROWS[builtin.meaning]
+                return Pruned((leaf.file, leaf.start), other.identity, other.location, fails)
+            node = around
+        return None
+
+    def unentered(self, top: TreeNode) -> list[TreeNode]:
         """The leaves below a tree that no event enters: nothing was compiled for them."""
         leaves: list[TreeNode] = []
         pending, seen = list(top.children), set[int]()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, Edge, Node, Tie
-from gpsfsm.model.plan import ControlType, Element, Kind, Plan
+from gpsfsm.model.plan import ControlType, Element, Kind, Location, Plan
 from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
@@ -128,18 +128,32 @@ class MachinePlan(Plan):
         return self.paths[element if isinstance(element, int) else element.index]
 
 
+@dataclass(frozen=True, slots=True)
+class Pruned:
+    """A leaf that nothing enters: the node ``before`` it never fails, or never succeeds.
+
+    ``spot`` is that of its element.
+    """
+
+    spot: tuple[str, int]
+    before: str
+    location: Location
+    fails: bool
+
+
 @dataclass(frozen=True, slots=False, eq=False)
 class TreeMachine(MachinePlan):
     """The machine of a behaviour tree that is no plan (``compile/tree_machine.py``).
 
     Its elements are the uses of leaves, joins, choices and ticks, with their places in the file of
     the tree. ``ties`` are the conditions on the blackboard that have one answer, if nothing but the
-    tree writes there.
+    tree writes there. ``pruned`` are leaves that nothing enters, with the cause.
     """
 
     vocabulary: ClassVar[Vocabulary] = Vocabulary.TREE
 
     ties: tuple[Tie, ...] = ()
+    pruned: tuple[Pruned, ...] = ()
 
 
 def is_recovery(element: Element) -> bool:

@@ -10,7 +10,6 @@ import gpsfsm
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.compile.units import TreeMachine
-from gpsfsm.model.capability import OWN
 from gpsfsm.model.report import Facts, Frequency, Verdict
 from tests.cases import batches
 from tests.compile.test_trees import tree
