@@ -170,7 +170,7 @@ def _span(text: str, from_response: bool) -> tuple[int, int] | None:
         return None
     from gpsfsm.syntax.trees import cut_trees, is_trees
 
-    if is_trees(text):
+    if is_trees(text, alone=from_response):
         return 0, len(text)
     return cut_trees(text) if from_response and "<Plan" not in text else None
 
