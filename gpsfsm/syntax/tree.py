@@ -332,10 +332,10 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
     written = tag.name.rpartition(":")[2]
     meant = _OTHERS.get(written.lower(), "")
     if meant and tag.name != meant and (meant != "root" or "<BehaviorTree" in text):
-        message = f"the outermost element is <{clip(tag.name)}>, which nothing reads"
-        hint = f"write <{meant}>, in these letters"
+        message = f"the outermost element is <{clip(tag.name)}>, but must be <{meant}>"
+        hint = f"write <{meant}>: names of elements are case-sensitive"
         if written != tag.name:
-            hint += " and without a prefix"
+            hint = f"write <{meant}>, without a prefix"
         collector.add("GP104", tag.start, 1 + len(tag.name), message=message, hint=hint)
         return
     if not (trees or OF_PLANS.search(text)):
