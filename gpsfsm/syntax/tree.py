@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from gpsfsm.syntax.tokens import EndTag, StartTag, TextRun, Token
 
 _KINDS = {kind.value: kind for kind in Kind}
-OF_PLANS = pattern(r"(?:<|&lt;)\s*/?\s*(?:[\w.-]+:)?(?:plan|control|runner|behaviou?r_?tree)", re.I)
+OF_PLANS = pattern(
+    r"(?:<|&lt;)\s*+(?:/\s*+)?+(?:[\w.-]++:)?+(?:plan|control|runner|behaviou?r_?tree)", re.I
+)
 """What looks like a part of a plan; a text without any of it may be anything."""
 
 _RESPONSE = "if this is a model's answer, check it with --from-response"

@@ -63,7 +63,8 @@ class Elements:
             if node.parent < 0:
                 outermost = space
                 if prefix if not namespace else space not in ("", namespace):
-                    self._other_language(node, namespace)
+                    if not self.problems:
+                        self._other_language(node, namespace)
                     return ()
             if prefix if not namespace else space != namespace and (space or outermost):
                 self.skipped.append((node, node.tag))
