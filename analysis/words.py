@@ -53,10 +53,15 @@ def count(number: int, noun: str) -> str:
     return f"{number} {noun}" + "s" * (number != 1)
 
 
-def fewest_words(number: int | None) -> str:
-    """The fewest failures that end a plan: ``1 failure is enough``."""
-    if number is None:
+def fewest_words(number: int | None, *, at_least: bool = False) -> str:
+    """The fewest failures that end a plan: ``1 failure is enough``.
+
+    ``at_least``: the number is a lower bound.
+    """
+    if number is None or (at_least and not number):
         return "it is unknown how many are needed"
+    if at_least and number == 1:
+        return "this takes at least 1 failure"
     if number <= 1:
         return "1 failure is enough" if number else "no failure is needed"
     return f"this takes at least {number} failures in total"

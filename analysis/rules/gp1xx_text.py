@@ -307,4 +307,19 @@ RULES = (
             )
         ),
     ),
+    Rule(
+        code="GP119",
+        name="construct-not-read",
+        severity=Severity.INFO,
+        summary="Something in the file was skipped, or a value that the file lacks was assumed.",
+        why=(
+            "gpsfsm has no use for these constructs: they belong to another tool, or do not affect "
+            "what runs when. The verdict says nothing about them. If one of them was meant to have "
+            "an effect, such as an attribute with a misspelt name, it has none."
+        ),
+        fix="nothing, unless one of them was meant to have an effect: correct its name then",
+        bad=machine("drive SUCCEEDED end").replace('"kind": "start"', '"kind": "start", "hue": 3'),
+        good=machine("drive SUCCEEDED end"),
+        spread=True,
+    ),
 )

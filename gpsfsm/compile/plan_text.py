@@ -16,17 +16,13 @@ from gpsfsm.syntax.text import root_name
 from gpsfsm.syntax.tree import OF_PLANS
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-
     from gpsfsm.compile.units import TreeMachine, TreePlan
     from gpsfsm.model.tree import Forest
     from gpsfsm.syntax.trees import Includes
 
 _EXTRACTED = "GP115"
 _LOST = "GP813"
-_APPROXIMATED = "GP816"
 _OF_ALL_FILES = ("GP801", "GP802")
-_MOST_LINES = 8
 _JSON = pattern(r"\s*+\{")
 _PLANS = ("", "Plan", "Control", "Runner", "root", "BehaviorTree")
 _BUILDERS = {
@@ -230,28 +226,9 @@ def _meaning(forest: Forest) -> tuple[TreePlan | TreeMachine | None, tuple[Probl
 
     machine = machine_of_tree(forest)
     if machine is not None:
-        return machine, tuple(approximated(machine)), False
+        return machine, (), False
     others = (each for each in unfolded.problems if unfolded.over or each.rule != _LOST)
     return None, tuple(others), unfolded.over
-
-
-def approximated(machine: TreeMachine, besides: Collection[Location] = ()) -> Iterator[Problem]:
-    """The report that a machine has more runs than its tree, at the first place with the reason.
-
-    Nothing is said of the places ``besides``.
-    """
-    places = [each for each in machine.approximated if each not in besides]
-    if not places:
-        return
-    lines = [each.removeprefix("line ") for each in dict.fromkeys(each.words for each in places)]
-    where = f"line {lines[0]}"
-    if len(lines) > 1:
-        shown = lines[:_MOST_LINES] if len(lines) > _MOST_LINES + 1 else lines[:-1]
-        last = lines[-1] if len(shown) == len(lines) - 1 else f"{len(lines) - len(shown)} more"
-        where = f"lines {', '.join(shown)} and {last}"
-    message = f"the automaton allows more than this tree can do, because of {where}"
-    hint = "trust what is reported as impossible; what is possible may need values that never occur"
-    yield Problem(_APPROXIMATED, message, places[0], hint)
 
 
 def _place_order(problem: Problem) -> tuple[str, int, int]:

@@ -244,6 +244,8 @@ class NodeRules:
 
     def _children(self, node: TreeNode, name: str, builtin: Builtin) -> None:
         count, least, most = len(node.children), builtin.least, builtin.most
+        if self.version == 3 and builtin.meaning is Meaning.WHILE:
+            least = most  # it throws without a third child
         if count >= least and (most < 0 or count <= most):
             return
         if most < 0:

@@ -70,7 +70,7 @@ def test_nodes_that_the_engine_lacks_do_what_the_machine_can_do(batch: int) -> N
 
 def test_a_reactive_sequence_asks_again_and_halts() -> None:
     machine = machine_of('<ReactiveSequence><Condition ID="Clear"/><Drive/></ReactiveSequence>')
-    assert not machine.approximated
+    assert not machine.approximations
     names = [runner.interface for runner in machine.runners]
     assert names == ["Clear", "Clear", "Drive"]
     automaton = machine.automaton
@@ -174,7 +174,7 @@ def test_what_stands_behind_the_child_that_decides_at_once_never_starts() -> Non
     ],
 )  # fmt: skip
 def test_what_is_left_open_is_said(body: str, lines: int) -> None:
-    assert len(machine_of(body).approximated) == lines
+    assert len(machine_of(body).approximations) == lines
     report = check_text(tree(body), "t.xml", CheckOptions())
     assert report.verdict is Verdict.ACCEPTED
     assert ("GP816" in {finding.rule for finding in report.findings}) is bool(lines)
@@ -224,7 +224,7 @@ def test_what_the_real_engine_does_at_the_end_is_possible(body: str, succeeding:
     run = play(text, leaves, answer, most_ticks=8)
     plan = read_plan(text).plan
     assert isinstance(plan, TreeMachine)
-    assert follows(run, plan, exact=not plan.approximated) == ""
+    assert follows(run, plan, exact=not plan.approximations) == ""
     (report,) = gpsfsm.check(text).plans
     assert against_facts(run, report, text) == ""
 

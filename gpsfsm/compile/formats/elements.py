@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.compile.machines import MALFORMED, Place
 from gpsfsm.model.finding import Problem
 from gpsfsm.model.plan import Location
+from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.text import ILLEGAL, Lines, clip, is_namespace_declaration
 from gpsfsm.syntax.token_reader import Collector
@@ -27,8 +28,7 @@ class Elements:
     """The elements of a text in document order, the outermost first, and what is wrong with it.
 
     ``nodes`` are those of one language, with local names; they are empty where the text cannot be
-    read. ``skipped`` are the elements and attributes of other languages, by the names that they
-    have in the text: an element comes with itself, an attribute with the element that has it.
+    read. ``skipped`` are the elements and attributes of other languages.
 
     ``namespace`` is that of the language; to one without ("") a prefix is a part of a name. ``own``
     is the namespace of gpsfsm's attributes.
@@ -39,7 +39,7 @@ class Elements:
         reader = TreeReader(ILLEGAL.sub(" ", text), limits, collector)
         nodes = reader.read(scan(reader.text, limits))
         self.problems: list[Problem] = list(collector.problems())
-        self.skipped: list[tuple[TreeNode, str]] = []
+        self.skipped: list[Approximation] = []
         self.nodes: tuple[TreeNode, ...] = ()
         if nodes and not (reader.over or reader.fatal or reader.broken):
             self.nodes = self._of_language(nodes, namespace, own)
@@ -67,7 +67,7 @@ class Elements:
                         self._other_language(node, namespace)
                     return ()
             if prefix if not namespace else space != namespace and (space or outermost):
-                self.skipped.append((node, node.tag))
+                self._skip(node.tag, node.location)
                 continue
             numbers[node.index] = len(kept)
             kept.append((node, name, self._attributes(node, scope, own)))
@@ -114,8 +114,14 @@ class Elements:
             elif own and scope.of(prefix) == own:
                 kept.append(replace(each, name=f"{OWN_PREFIX}{name}"))
             else:
-                self.skipped.append((node, each.name))
+                place = Location(each.line, each.column, node.path)
+                self._skip(f"attribute {each.name}", place)
         return tuple(kept)
+
+    def _skip(self, construct: str, location: Location) -> None:
+        self.skipped.append(
+            Approximation(Reading.SKIPPED, clip(construct), location, Cause.NAMESPACE)
+        )
 
     def children(self, node: TreeNode) -> list[TreeNode]:
         """The elements in an element."""

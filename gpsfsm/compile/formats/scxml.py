@@ -70,7 +70,9 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
     reader = _Reader(elements)
     if elements.problems:
         return None, tuple(elements.problems)
-    return machine_of(reader.graph, file=file, places=reader.places)
+    return machine_of(
+        reader.graph, file=file, places=reader.places, approximations=elements.skipped
+    )
 
 
 class _Reader:

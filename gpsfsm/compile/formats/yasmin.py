@@ -62,7 +62,7 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
                 elements.fault(child, message, "remove it, or report it")
     if elements.problems:
         return None, tuple(elements.problems)
-    return machine_from(top, file)
+    return machine_from(top, file, elements.skipped)
 
 
 def _state(elements: Elements, node: TreeNode) -> State:

@@ -68,6 +68,9 @@ class GateRequest(Request):
     )
     allow_empty: bool = Field(default=False, description="A plan that does nothing passes.")
     trees: bool = Field(default=False, description="Behaviour trees are accepted too.")
+    allow_approximated: bool = Field(
+        default=False, description="Errors that only an over-approximation has are accepted."
+    )
 
 
 class DigestsShown(Answer):
@@ -93,6 +96,7 @@ class BasisShown(Answer):
     scope: Literal["structure", "structure and task"]
     task: str | None
     engine: EngineShown | None
+    allow_approximated: bool
 
 
 class GateAnswer(Answer):
@@ -129,6 +133,7 @@ def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnsw
         fail_on=Severity(request.fail_on),
         allow_suppressions=request.allow_suppressions,
         allow_empty=request.allow_empty,
+        allow_approximated=request.allow_approximated,
     )
     verdict = gate_text(plan, request.name, options)
     refused_tree = not request.trees and is_trees(read_source(plan, check.limits).text or "")
