@@ -13,6 +13,7 @@ import json
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.compile.formats.elements import Elements
 from gpsfsm.compile.machines import MALFORMED, Place, machine_of, shown, written
 from gpsfsm.compile.units import MachinePlan, TreeMachine
 from gpsfsm.errors import InputError
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 _JSON = pattern(r"\s*+\{")
 _START = pattern(r'"id"\s*+:\s*+"__start__"')
+_NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
 _BLANK = pattern(r"[ \t\r\n]*")
 _ROWS = pattern(r'"nodes"[ \t\r\n]*:[ \t\r\n]*\[')
 _TAGS = pattern(r"<(?:\w+:)?node\b[^>]*?\bid=(?:\"([^\"]*)\"|'([^']*)')[^>]*>")
@@ -61,7 +63,8 @@ def read_machine(
         hint = "raise --max-elements if the machine is meant to be that large"
         problem = Problem("GP103", message, Location(1, 1, "/machine"), hint)
         return Parsed(file, text, None, (problem,), over_limit=True, machine=True)
-    machine, problems = machine_of(graph, file=file, places=places)
+    skipped = () if is_json(text) else Elements(text, limits, _NAMESPACE).skipped
+    machine, problems = machine_of(graph, file=file, places=places, approximations=skipped)
     return Parsed(file, text, machine, problems, machine=True)
 
 

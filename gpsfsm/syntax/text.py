@@ -32,7 +32,7 @@ SPACED_TAG = pattern(rf"<[{WHITE}]++/?+[{WHITE}]*+(?:Plan|Control|Runner)\b")
 
 OUTERMOST = pattern(
     r"(?:[^<]++|<\?.*?(?:\?>|\Z)|<!--.*?(?:-->|\Z)|<!(?!--)[^<>]*+>|<(?![/A-Za-z_:]))*+"
-    rf"<(?P<name>{NAME_PATTERN})",
+    r"<(?P<name>[A-Za-z_:][\w:.-]*+)",
     re.DOTALL,
 )
 """A text up to the name of its outermost element, whatever stands before that.

@@ -225,6 +225,15 @@ def test_a_prefix_ends_with_its_element() -> None:
     assert len(elements.skipped) == 1
 
 
+def test_graphml_skips_what_is_of_another_language() -> None:
+    other = GRAPHML.replace("xmlns=", 'xmlns:y="urn:y" xmlns=', 1)
+    other = other.replace("<node id=", '<y:node id="go"/><node y:color="red" id=', 1)
+    assert _checked(other) == _plain("graphml")
+    assert _skipped(other) == ["y:node", "attribute y:color"]
+    where = 'xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:schemaLocation="a b" xmlns='
+    assert _skipped(GRAPHML.replace("xmlns=", where, 1)) == []
+
+
 def test_yasmin_skips_what_has_a_prefix() -> None:
     text = _read("delivery.yasmin.xml")
     other = text.replace("<FinalOutcome", '<e:State xmlns:e="urn:e" name="x"/><FinalOutcome', 1)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gpsfsm.syntax.source import Limits
 
 
+_SCHEMAS = "http://www.w3.org/2001/XMLSchema-instance"
 OWN_PREFIX = "gpsfsm:"
 """The prefix that attributes in gpsfsm's namespace get, whatever a text calls it."""
 
@@ -113,7 +114,7 @@ class Elements:
                 kept.append(each)
             elif own and scope.of(prefix) == own:
                 kept.append(replace(each, name=f"{OWN_PREFIX}{name}"))
-            else:
+            elif scope.of(prefix) != _SCHEMAS:  # which say only where a schema is
                 place = Location(each.line, each.column, node.path)
                 self._skip(f"attribute {each.name}", place)
         return tuple(kept)
