@@ -103,7 +103,7 @@ def _unread(text: str, file: str, *, json: bool) -> Parsed | None:
         return None
     message, hint = _UNREAD.get(ending, _UNREAD[".json"]), _READ
     if ending == ".py":
-        from gpsfsm.compile.formats.python_source import imports
+        from gpsfsm.compile.formats.python_values import imports
 
         builder = next((each for each in _BUILDERS if imports(text, each)), None)
         message, hint = (message, hint) if builder is None else _BUILDERS[builder]

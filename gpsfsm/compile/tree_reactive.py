@@ -136,7 +136,8 @@ def _while_do_else(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     again = visit._replace(again=True, beside=True)
     chosen = yield visit._replace(node=node.children[0])
     sides = [c.port(chosen.success), c.port(chosen.failure)]
-    ends = [Ends(skipped=chosen.skipped)]
+    c.thrown += chosen.skipped  # "invalid status"
+    ends: list[Ends] = []
     for side in range(2):
         enter = (sides[side],)
         if side + 1 >= len(node.children):
@@ -160,8 +161,7 @@ def _while_do_else(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         )
         c.back(node, port, joined(same, as_before))
         c.stop(other, first, last)
-        c.stop(watch.skipped, first, last)
-        ends.append(Ends(skipped=watch.skipped))
+        c.thrown += watch.skipped
         c.stop(done.all, last, len(c.parts))
         c.back(node, sides[1 - side], other)
     return all_of(ends)

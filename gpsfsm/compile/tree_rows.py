@@ -142,7 +142,7 @@ def _branch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         ends.append(Ends(failure=stale.success))
         condition = condition._replace(enter=stale.failure)
     chosen = yield condition
-    ends.append(Ends(skipped=chosen.skipped))
+    c.thrown += chosen.skipped  # "invalid status"
     ends.append((yield visit._replace(node=node.children[1], enter=chosen.success)))
     if len(node.children) > 2:
         ends.append((yield visit._replace(node=node.children[2], enter=chosen.failure)))
