@@ -229,7 +229,7 @@ class Reading:
                 for each in nodes
             ]
             if rows == read_elements(body, self.limits):
-                collector.tolerate("BehaviorTree.CPP reads it, but Groot2 and other tools do not")
+                collector.tolerate("BehaviorTree.CPP reads it, but tools that expect XML do not")
         self.nodes += nodes
         self.broken |= broken
         room = MAX_SUPPRESSIONS - len(self.suppressions)
