@@ -5,6 +5,8 @@ from __future__ import annotations
 from gpsfsm.analysis.rules.base import Rule, control, go, machine, plan, say
 from gpsfsm.model.finding import Severity
 
+_LOOSE = "warning in a behaviour tree that BehaviorTree.CPP loads all the same"
+
 RULES = (
     Rule(
         code="GP101",
@@ -22,6 +24,7 @@ RULES = (
             'correct the text at the marked place. In attribute values, write "&" as "&amp;" and '
             '"<" as "&lt;"'
         ),
+        severities=_LOOSE,
         bad=plan(go(2.0, -0.5), say("Lab & office checked")),
         good=plan(go(2.0, -0.5), say("Lab &amp; office checked")),
     ),
@@ -133,6 +136,7 @@ RULES = (
             "remove the text, or make it a comment: <!-- … -->. Check a language model's raw "
             "answer with --from-response"
         ),
+        severities=_LOOSE,
         bad=plan(go(2.0, -0.5), "then announce it:", say("Hall checked.")),
         good=plan(go(2.0, -0.5), "<!-- then announce it: -->", say("Hall checked.")),
     ),

@@ -41,7 +41,8 @@ def problems(text: str, **options: Any) -> list[tuple[str, int, str]]:
         ("<!-- home --><BehaviorTree/>", True),
         ("<root/>", False),
         ("<Plan><!-- <root><BehaviorTree/></root> --></Plan>", False),
-        ("Here it is: <root><BehaviorTree/></root>", False),
+        ("Here it is: <root><BehaviorTree/></root>", True),
+        ("Here <it> is: <root><BehaviorTree/></root>", False),
         ("", False),
     ],
 )
