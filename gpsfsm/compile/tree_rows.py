@@ -44,11 +44,13 @@ def _row(
     *,
     sequence: bool = True,
     pauses: bool = False,
+    finals: list[Signals] | None = None,
 ) -> Steps:
     """Children one after the other, as long as they succeed (in a Sequence) or fail.
 
     If all are skipped, so is the row. ``fresh`` are the events on which all have been so far.
-    ``pauses``: behind a child that has ended in one tick, the row answers RUNNING.
+    ``pauses``: behind a child that has ended in one tick, the row answers RUNNING. ``finals`` takes
+    the events by which the last child ends the row early, if it is to decide about them itself.
     """
     fresh = visit.enter
     going: Signals = ()
@@ -61,7 +63,8 @@ def _row(
                 continue
             ends = yield visit._replace(node=child, enter=enter)
             after_going.append(ends.success if sequence else ends.failure)
-            out.append(ends.failure if sequence else ends.success)
+            ended = out if finals is None or child != children[-1] else finals
+            ended.append(ends.failure if sequence else ends.success)
             if pauses and child != children[-1]:
                 after_going[-1] = c.pause(visit, child, after_going[-1])
             if enter is fresh:
@@ -69,10 +72,10 @@ def _row(
             else:
                 after_going.append(ends.skipped)
         fresh, going = after_fresh, joined(*after_going)
-    ended = joined(*out)
+    early = joined(*out)
     if sequence:
-        return Ends(success=going, failure=ended, skipped=fresh)
-    return Ends(success=ended, failure=going, skipped=fresh)
+        return Ends(success=going, failure=early, skipped=fresh)
+    return Ends(success=early, failure=going, skipped=fresh)
 
 
 def _sequence(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
@@ -275,8 +278,9 @@ def _round_robin(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     ``wrap_around`` is true (round_robin_node.cpp); before, there is no such port.
     """
     if not visit.again:
-        row = yield from _row(c, node.children, visit, sequence=False)
-        return _wrapped(c, node, row)
+        finals: list[Signals] = []
+        row = yield from _row(c, node.children, visit, sequence=False, finals=finals)
+        return all_of((row, _last(c, node, joined(*finals))))
     enter, entering = visit.enter, []
     for position in range(1, len(node.children)):
         chosen = c.choice(
@@ -299,16 +303,17 @@ def _round_robin(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         failed.append(chosen.success)
         arriving = chosen.failure
     c.back(node, wraps, arriving)
-    return _wrapped(c, node, Ends(joined(*out), joined(*failed)))
+    last = _last(c, node, out.pop())
+    return all_of((Ends(joined(*out), joined(*failed)), last))
 
 
-def _wrapped(c: Compiler, node: TreeNode, ends: Ends) -> Ends:
-    """The ends of a RoundRobin, of which a success may be a failure in some version."""
-    if node.text("wrap_around").strip().lower() in ("true", "1") or not ends.success:
-        return ends
-    of = "the success of this RoundRobin counts"
-    chosen = c.choice(node, of, ends.success, cause=Cause.VERSION)
-    return ends._replace(success=chosen.success, failure=joined(ends.failure, chosen.failure))
+def _last(c: Compiler, node: TreeNode, success: Signals) -> Ends:
+    """The end of a RoundRobin by the success of its last child: a failure in some version."""
+    if node.text("wrap_around").strip().lower() in ("true", "1") or not success:
+        return Ends(success)
+    of = "the success of the last child counts"
+    chosen = c.choice(node, of, success, cause=Cause.VERSION)
+    return Ends(chosen.success, chosen.failure)
 
 
 def _delay(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
