@@ -86,6 +86,10 @@ def worst_first(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda finding: -finding.severity.rank)
 
 
+PRECISION = ("GP816", "GP119")
+"""The rules that tell what was not read exactly: reports that leave out infos tell it, too."""
+
+
 def headline(path: str, finding: Finding) -> str:
     """Tell a finding in one line."""
     message = clip(finding.message, MAX_MESSAGE)

@@ -15,7 +15,7 @@ from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import Format, RenderOptions
-from gpsfsm.report._words import count, has_line, split_lines, worst_first
+from gpsfsm.report._words import PRECISION, count, has_line, split_lines, worst_first
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -55,6 +55,9 @@ def _plan(plan: PlanReport, options: RenderOptions) -> Iterator[str]:
     findings = worst_first((*plan.findings, *plan.excused))
     serious = [each for each in findings if each.severity is not Severity.INFO]
     yield _verdict(plan, serious, options)
+    for finding in plan.findings:
+        if finding.rule in PRECISION:
+            yield f"Note: {clip(finding.message, _MAX_TEXT)}."
     chosen = _chosen(serious)
     sources: dict[str, list[str]] = {}  # the lines of each file
     explained: set[str] = set()

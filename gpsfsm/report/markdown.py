@@ -14,7 +14,14 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip, plain_markdown
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import Format, RenderOptions
-from gpsfsm.report._words import count, has_line, setting_line, suppressed_line, totals
+from gpsfsm.report._words import (
+    PRECISION,
+    count,
+    has_line,
+    setting_line,
+    suppressed_line,
+    totals,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,7 +50,12 @@ def _render(report: Report, options: RenderOptions) -> str:
         lines += [_row(plan) for plan in report.plans[:_MOST_PLANS]]
         lines += _more(len(report.plans) - _MOST_PLANS, "plan")
         lines.append("")
-    pairs = [(plan, each) for plan in report.plans for each in plan.findings if _serious(each)]
+    pairs = [
+        (plan, each)
+        for plan in report.plans
+        for each in plan.findings
+        if _serious(each) or each.rule in PRECISION
+    ]
     pairs.sort(key=lambda pair: -pair[1].severity.rank)  # stable: else in the order of the report
     for plan, finding in pairs[:_MOST_FINDINGS]:
         lines += _finding(plan, finding)

@@ -231,6 +231,7 @@ function headOf(store, finding, number, id, isOpen) {
     el("span", { class: "rule-name", title: rule ? rule.summary : "" }, rule ? rule.name : ""),
     finding.suppressed && el("span", { class: "tag" }, "suppressed"),
     finding.confidence === "heuristic" && el("span", { class: "tag" }, "heuristic"),
+    finding.confidence === "may" && el("span", { class: "tag" }, "not proved"),
     el("span", { class: "finding-line" }, place),
     el("span", { class: "finding-message" }, visibleText(finding.message)),
   );

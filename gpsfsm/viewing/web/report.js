@@ -12,6 +12,7 @@ import { mountSource } from "./source.js";
 import { createStore, unpack } from "./state.js";
 import { mountSummary, verdictBadge } from "./summary.js";
 import { themeButton } from "./theme.js";
+import { frequency } from "./words.js";
 
 const MOST_MESSAGES = 5;
 const PANE_KEYS = [
@@ -336,7 +337,7 @@ export function factsLine(plan) {
     : plan.elements.filter((element) => element.kind === "runner").length;
   const words = [counted(runners, "runner")];
   if (facts) {
-    for (const [name, word] of ENDS_SAID) if (facts[name]) words.push(`${word}: ${facts[name]}`);
+    for (const [name, word] of ENDS_SAID) if (facts[name]) words.push(`${word}: ${frequency(facts, name)}`);
   }
   if (plan.engine && plan.engine !== "paper") words.push(`engine ${plan.engine}`);
   if (!automaton && !facts) words.push("not analysed");

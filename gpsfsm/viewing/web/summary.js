@@ -2,13 +2,14 @@
 
 import { counted, el, replaceContent, visibleText } from "./dom.js";
 import { gradeBadge } from "./findings.js";
+import { frequency } from "./words.js";
 
 const VERDICTS = {
   accepted: { sign: "✓", word: "accepted", kind: "good", rank: 2 },
   rejected: { sign: "✗", word: "rejected", kind: "bad", rank: 0 },
   undecided: { sign: "!", word: "undecided", kind: "neutral", rank: 1 },
 };
-const OFTEN_RANK = { always: 3, sometimes: 2, unknown: 1, never: 0 };
+const OFTEN_RANK = { always: 4, "sometimes or always": 3, sometimes: 3, may: 2, unknown: 1, never: 0 };
 const MOST_ROWS = 2000;
 
 export function verdictBadge(verdict) {
@@ -31,9 +32,9 @@ function summaryRow(plan, number) {
     warning: count("warning"),
     info: count("info"),
     runners: facts.runners ?? runnersSeen(plan),
-    completes: facts.completes || "",
-    gives_up: facts.gives_up || "",
-    stuck: engine.hangs || facts.stuck || "",
+    completes: frequency(facts, "completes"),
+    gives_up: frequency(facts, "gives_up"),
+    stuck: engine.hangs || frequency(facts, "stuck"),
     aborts: engine.aborts || "",
   };
 }

@@ -164,3 +164,10 @@ export function recordSentence(plan, record, count = 0) {
   if (OF_RUNS[kind]) return OF_RUNS[kind] + why;
   return message ? clipText(visibleText(message), 200) : kind.toLowerCase();
 }
+
+// "sometimes", or "may" where only an over-approximation does it, "sometimes or always"
+export function frequency(facts, name) {
+  const precision = (facts.precision || {})[name];
+  if (precision === "may") return "may";
+  return precision === "can" ? "sometimes or always" : facts[name] || "";
+}
