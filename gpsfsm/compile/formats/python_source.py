@@ -20,6 +20,7 @@ from __future__ import annotations
 import ast
 import copy
 import re
+import warnings
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -131,7 +132,9 @@ class Source:
         old = _EXCEPT.sub(r"\1 as \2:", _PRINT.sub(r"\1pass", text)).expandtabs(8)  # Python 2
         for attempt in (text, old):
             try:
-                return ast.parse(attempt.replace("\r\n", "\n"))
+                with warnings.catch_warnings():  # about escapes; it is not our text
+                    warnings.simplefilter("ignore")
+                    return ast.parse(attempt.replace("\r\n", "\n"))
             except SyntaxError as error:
                 line, column = error.lineno or 1, error.offset or 1
                 message = f"this is neither Python 3 nor Python 2 that is like it: {error.msg}"
