@@ -210,6 +210,17 @@ def test_the_site_and_the_release(tmp_path: Path, published: Path) -> None:
     assert call == f"release create {TAG} --verify-tag --generate-notes assets/gpsfsm.whl"
 
 
+def test_every_python_that_is_promised_is_tried() -> None:
+    text = (REPO / "pyproject.toml").read_text("utf-8")
+    promised = re.findall(r'"Programming Language :: Python :: (3\.\d+)"', text)
+    everything, quick = jobs("ci.yml")["everything"], jobs("ci.yml")["pythons"]
+    assert everything["container"] == f"python:{promised[0]}-bookworm"
+    assert quick["strategy"]["matrix"]["python"] == promised[1:]
+    assert f'requires-python = ">={promised[0]}"' in text
+    first = " ".join((REPO / "docs" / "install.md").read_text("utf-8").split())
+    assert f"with Python {', '.join(promised[:-1])} and {promised[-1]}: all of them with" in first
+
+
 def test_continuous_integration_calls_what_is_there() -> None:
     makefile = (REPO / "Makefile").read_text("utf-8")
     for job in jobs("ci.yml").values():
