@@ -28,8 +28,12 @@ demo: $(VENV)/installed  ## check a shipped plan
 test: $(VENV)/installed-dev  ## the whole test suite; CASES=all takes all random cases, not one of four
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
-# What depends on the version of Python: processes, files, threads, SQLite, addresses, syntax.
-OF_PYTHON := $(addprefix tests/,capabilities checking/test_inputs.py execution)
+# What depends on the version of Python: processes, threads, files, SQLite, XML, addresses, its syntax.
+OF_PYTHON := $(addprefix tests/,test_hanging.py test_late.py test_strict_json.py capabilities \
+	checking/test_includes.py checking/test_inputs.py compile/formats execution grammars/test_tree.py \
+	$(addprefix runners/test_,generic.py generic_http.py printed.py processes.py) running \
+	service/test_clients.py service/test_files.py service/test_token.py \
+	syntax/test_agreement.py syntax/test_hostile.py watch workers)
 
 test-python: VERSION = $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')
 test-python:  ## a quick selection with another Python: make test-python PYTHON=python3.12

@@ -105,9 +105,10 @@ def _content(name: str) -> bytes:
         if not Path(name).is_file():
             raise UsageError(f"{clip(name, 200)}: is not a file with recorded answers")
         content = read(name, _MAX_BYTES, pipes=False)
-    except (InputError, OSError, ValueError) as error:
-        read_it = isinstance(error, InputError)
-        problem = str(error) if read_it else f"cannot be read: {system_reason(error)}"
+    except InputError as error:
+        raise UsageError(f"{clip(name, 200)}: {error}") from error
+    except (OSError, ValueError) as error:
+        problem = f"cannot be read: {system_reason(error)}"
         raise UsageError(f"{clip(name, 200)}: {problem}") from error
     if len(content) > _MAX_BYTES:
         raise UsageError(f"{clip(name, 200)}: is larger than {_MAX_BYTES} bytes")
