@@ -10,6 +10,8 @@ PIP := $(BIN)/pip install --quiet --disable-pip-version-check
 PINS := -c constraints.txt
 # What is compiled is kept: else each of a thousand processes of the tests compiles all that it loads.
 unexport PYTHONDONTWRITEBYTECODE PYTHONUNBUFFERED
+# A variable of this name is for make: the tests begin faster where nothing seems to be set for Python.
+unexport PYTHON
 # ROS 2 for the tests, in an environment of its own. A Python of it marks the environment of its
 # children with this variable, with which another one cannot start.
 ROS := .venv-ros
