@@ -1,5 +1,8 @@
-# Two commands for a fresh machine with Python 3.11, make and git: make demo, make test.
-PYTHON ?= $(shell command -v python3.11 || command -v python3)
+# Two commands for a fresh machine with Python 3.11 or newer, make and git: make demo, make test.
+# The oldest Python of those that start and are new enough (those of pyenv may be there and not start).
+OLDEST = for each in python3.11 python3 python3.12 python3.13 python3.14; do \
+	"$$each" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$each" && break; done
+PYTHON ?= $(or $(shell $(OLDEST)),$(error gpsfsm needs Python 3.11 or newer: make PYTHON=/path/to/python3.12))
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip install --quiet --disable-pip-version-check
@@ -7,6 +10,8 @@ PIP := $(BIN)/pip install --quiet --disable-pip-version-check
 PINS := -c constraints.txt
 # What is compiled is kept: else each of a thousand processes of the tests compiles all that it loads.
 unexport PYTHONDONTWRITEBYTECODE PYTHONUNBUFFERED
+# A variable of this name is for make: the tests begin faster where nothing seems to be set for Python.
+unexport PYTHON
 # ROS 2 for the tests, in an environment of its own. A Python of it marks the environment of its
 # children with this variable, with which another one cannot start.
 ROS := .venv-ros
@@ -14,7 +19,7 @@ ROS_PIP := $(ROS)/bin/pip --quiet --disable-pip-version-check
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 FRESH := $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')
 
-.PHONY: demo test test-browser test-ray test-ros newest evaluate lint lint-js format bench fuzz campaigns properties attack soak mutants engines docs screenshots docs-check package-check extension site site-version clean
+.PHONY: demo test test-python test-browser test-ray test-ros newest evaluate lint lint-js format bench fuzz campaigns properties attack soak mutants engines docs screenshots docs-check package-check extension site site-version clean
 
 demo: $(VENV)/installed  ## check a shipped plan
 	@$(BIN)/gpsfsm check corpus/plans/tour_guide.xml || test $$? -eq 1
@@ -24,6 +29,19 @@ demo: $(VENV)/installed  ## check a shipped plan
 
 test: $(VENV)/installed-dev  ## the whole test suite; CASES=all takes all random cases, not one of four
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+# What depends on the version of Python: processes, threads, files, SQLite, XML, addresses, its syntax.
+OF_PYTHON := $(addprefix tests/,test_hanging.py test_late.py test_strict_json.py capabilities \
+	checking/test_includes.py checking/test_inputs.py compile/formats execution grammars/test_tree.py \
+	$(addprefix runners/test_,generic.py generic_http.py printed.py processes.py) running \
+	service/test_clients.py service/test_files.py service/test_token.py \
+	syntax/test_agreement.py syntax/test_hostile.py watch workers)
+
+test-python: VERSION = $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+test-python:  ## a quick selection with another Python: make test-python PYTHON=python3.12
+	$(PYTHON) -m venv .venv-$(VERSION)
+	.venv-$(VERSION)/bin/pip install --quiet --disable-pip-version-check $(PINS) -e '.[dev]'
+	.venv-$(VERSION)/bin/python -m pytest -n auto --dist worksteal $(OF_PYTHON)
 
 test-browser: $(VENV)/installed-dev $(VENV)/installed-docs  ## the pages in a real browser; Chromium comes from the system
 	$(PIP) $(PINS) 'playwright>=1.50'
@@ -148,4 +166,4 @@ $(ROS)/installed: pyproject.toml constraints.txt tests/ros/requirements.txt \
 	@touch $@
 
 clean:
-	rm -rf $(VENV) .venv-newest $(ROS) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-newest .venv-3.* $(ROS) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -107,6 +107,18 @@ def require_amount(function: str, name: str, value: object, *, most: float = inf
         raise misused(function, f"{kind} as {name}", value)
 
 
+def system_reason(error: OSError | ValueError) -> str:
+    """The reason why a path or a command is of no use to the system, in the system's own words.
+
+    Python finds some reasons itself and raises ValueError, with words that change with its version.
+    """
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    if isinstance(error, UnicodeEncodeError):
+        return f"U+{ord(error.object[error.start]):04X} cannot be encoded"
+    return "a NUL character is not allowed"
+
+
 def is_out_of_memory(error: BaseException) -> bool:
     """True if an error says that there was too little memory, which is no defect.
 

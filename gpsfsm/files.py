@@ -14,7 +14,7 @@ import stat
 import time
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import InputError
+from gpsfsm.errors import InputError, system_reason
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,12 +41,10 @@ def read(path: str | Path, max_bytes: int, *, pipes: bool = True) -> bytes:
         raise InputError("cannot be read: the path is empty")
     try:
         number = os.open(path, _flags())
-    except OSError as error:
-        if error.errno == errno.ENXIO:  # a socket
+    except (OSError, ValueError) as error:
+        if getattr(error, "errno", None) == errno.ENXIO:  # a socket
             raise InputError(_NOT_REGULAR) from None
-        raise InputError(f"cannot be read: {error.strerror or error}") from error
-    except ValueError as error:  # a NUL character in the path
-        raise InputError(f"cannot be read: {error}") from error
+        raise InputError(f"cannot be read: {system_reason(error)}") from error
     try:
         mode = os.fstat(number).st_mode
         if stat.S_ISDIR(mode):

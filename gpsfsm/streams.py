@@ -20,7 +20,7 @@ from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.errors import GpsfsmError, UsageError, system_reason
 from gpsfsm.late import pattern
 from gpsfsm.model.printable import printable
 
@@ -379,10 +379,8 @@ def terminal_width(output_file: str = STDOUT) -> int | None:
 def _explained(output_file: str) -> Iterator[None]:
     try:
         yield
-    except OSError as error:
-        raise GpsfsmError(f"cannot write {output_file}: {error.strerror or error}") from error
-    except ValueError as error:  # a NUL character in the path
-        raise GpsfsmError(f"cannot write {output_file}: {error}") from error
+    except (OSError, ValueError) as error:
+        raise GpsfsmError(f"cannot write {output_file}: {system_reason(error)}") from error
 
 
 def _write_file(target: Path, data: bytes) -> None:
@@ -427,5 +425,4 @@ def append_text(text: str, file: str) -> None:
                     target.truncate(before.st_size)
                 raise
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise GpsfsmError(f"cannot write {file}: {reason}") from error
+        raise GpsfsmError(f"cannot write {file}: {system_reason(error)}") from error

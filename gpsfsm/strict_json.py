@@ -10,6 +10,20 @@ import json
 from typing import Any
 
 _LONGEST = 60
+_COMMA = "nothing follows this comma"
+_REASONS = {
+    "Expecting value": "a value is expected",
+    "Expecting property name": "a key in double quotes is expected",
+    "Expecting ':'": "a colon is expected",
+    "Expecting ','": "a comma is expected, or the end of the list or object",
+    "Extra data": "there is more after the value",
+    "Unterminated string": "this string has no end",
+    "Invalid control character": "a control character is not allowed in a string",
+    "Invalid \\": "this escape is not allowed",
+    "Illegal trailing comma": _COMMA,
+    "Unexpected UTF-8 BOM": "the text begins with a byte order mark",
+}
+"""Our reasons for the messages of ``json``, by the beginnings of these."""
 
 
 class DuplicateKeyError(ValueError):
@@ -19,11 +33,32 @@ class DuplicateKeyError(ValueError):
 def strict_loads(text: str | bytes) -> Any:
     """The value of a JSON text. Raises ValueError, and RecursionError as ``json.loads`` does.
 
+    An error in the syntax is the JSONDecodeError of ``own_error``.
+
     >>> strict_loads('{"a": [{"b": 1, "b": 2}]}')
     Traceback (most recent call last):
     gpsfsm.strict_json.DuplicateKeyError: the key 'b' occurs twice
     """
-    return json.loads(text, object_pairs_hook=_object)
+    try:
+        return json.loads(text, object_pairs_hook=_object)
+    except json.JSONDecodeError as error:
+        raise own_error(error) from None
+
+
+def own_error(error: json.JSONDecodeError) -> json.JSONDecodeError:
+    """The same error in our words; those of Python, and some places, change with its version.
+
+    >>> try:
+    ...     json.loads('{"a": 1, }')
+    ... except json.JSONDecodeError as error:
+    ...     own_error(error)
+    JSONDecodeError('nothing follows this comma: line 1 column 8 (char 7)')
+    """
+    reason = next((own for begin, own in _REASONS.items() if error.msg.startswith(begin)), "")
+    before, at = error.doc[: error.pos].rstrip(), error.doc[error.pos : error.pos + 1]
+    if at in ("]", "}") and before.endswith(","):  # Python 3.13 says so itself, at the comma
+        return json.JSONDecodeError(_COMMA, error.doc, len(before) - 1)
+    return json.JSONDecodeError(reason or error.msg, error.doc, error.pos)
 
 
 def json_defect(file: str, error: Exception) -> str:
@@ -35,7 +70,7 @@ def json_defect(file: str, error: Exception) -> str:
     ...     strict_loads("hello")
     ... except ValueError as error:
     ...     print(json_defect("a.json", error))
-    a.json:1:1: is not JSON: Expecting value
+    a.json:1:1: is not JSON: a value is expected
     """
     if isinstance(error, json.JSONDecodeError):
         return f"{file}:{error.lineno}:{error.colno}: is not JSON: {error.msg}"

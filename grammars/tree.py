@@ -17,6 +17,7 @@ from gpsfsm.errors import GpsfsmError, misused
 from gpsfsm.grammars.forms import attribute_text, unwritable
 from gpsfsm.grammars.rules import INDENT
 from gpsfsm.model.printable import clip
+from gpsfsm.strict_json import own_error
 from gpsfsm.syntax.text import NAME
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ def _read(text: str) -> Any:
         return json.loads(
             _unfenced(text), object_pairs_hook=_unique, parse_constant=_refused, parse_int=_integer
         )
-    except json.JSONDecodeError as error:
+    except json.JSONDecodeError as raised:
+        error = own_error(raised)
         place = f"line {error.lineno}, column {error.colno}"
         raise TreeError(f"the answer is not JSON: {error.msg} at {place}") from None
     except RecursionError:

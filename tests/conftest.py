@@ -6,13 +6,18 @@ import gc
 import importlib
 import os
 import signal
+import threading
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.cases import many
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
 
 # The same cases every time: whoever runs the suite gets the answer that everybody gets.
 settings.register_profile(
@@ -81,6 +86,28 @@ def pytest_collectstart(collector: pytest.Collector) -> None:
         for file in sorted(REPO.glob("tests/**/test_*.py"))[first :: worker["workercount"]]:
             with suppress(Exception, pytest.skip.Exception):  # collecting it will tell
                 importlib.import_module(".".join(file.relative_to(REPO).with_suffix("").parts))
+
+
+HANGS_S = 900.0
+"""A test that has not ended by then waits for what never comes: it fails, and the others go on."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, None, None]:
+    """End a test that would keep the whole suite from its end."""
+    if not hasattr(signal, "SIGALRM") or threading.current_thread() is not threading.main_thread():
+        return (yield)
+
+    def give_up(*_: object) -> None:
+        pytest.fail(f"the test has not ended after {HANGS_S:g} s")
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, HANGS_S)
+    try:
+        return (yield)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def pytest_collection_finish() -> None:

@@ -262,7 +262,7 @@ class TestPipes:
         ("/dev/zero", "is not a regular file"),
         (".", "cannot be read: it is a folder"),
         ("none", "cannot be read: No such file or directory"),
-        ("a\0b", "cannot be read: embedded null byte"),
+        ("a\0b", "cannot be read: a NUL character is not allowed"),
         ("", "cannot be read: the path is empty"),
     ],
 )

@@ -6,7 +6,7 @@ import json
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gpsfsm.checking.selection import load_baseline
@@ -17,7 +17,7 @@ from gpsfsm.gating.gate_process import verdict_of, written
 from gpsfsm.gating.receipts import read_receipt, write_receipt
 from gpsfsm.grading.experiment import recorded_times
 from gpsfsm.running.scenario import read_scenario
-from gpsfsm.strict_json import DuplicateKeyError, strict_loads
+from gpsfsm.strict_json import _REASONS, DuplicateKeyError, strict_loads
 from gpsfsm.workers.frames import unpack
 from tests.service.support import BAD, GOOD
 
@@ -49,6 +49,25 @@ def test_a_key_twice_is_seen_at_any_depth(one: object, other: object, key: str, 
 def test_the_same_key_written_in_two_ways() -> None:
     with pytest.raises(DuplicateKeyError):
         strict_loads(r'{"plan": 1, "\u0070lan": 2}')
+
+
+@given(st.text(st.sampled_from('[]{},: \n"\\utnl10a\x01\ufeff'), max_size=12))
+@example("[1, \n]")
+@example('{"a": 1,}')
+@example('{"a": [,]}')
+def test_what_is_wrong_is_said_in_our_words(text: str) -> None:
+    """Those of the standard library change, and with them the place of a comma too many."""
+    error = None
+    try:
+        strict_loads(text)
+    except json.JSONDecodeError as raised:
+        error = raised
+    except DuplicateKeyError:
+        pass
+    if error is not None:
+        assert error.msg in _REASONS.values()
+        before, rest = text[: error.pos].rstrip(), text[error.pos :].lstrip()
+        assert not (before.endswith(",") and rest.startswith(("]", "}")))
 
 
 def doubled(text: str, key: str, value: str) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import InputError, UsageError
+from gpsfsm.errors import InputError, UsageError, system_reason
 from gpsfsm.files import read
 
 if TYPE_CHECKING:
@@ -97,8 +97,7 @@ def find_files(path: str) -> list[str]:
     try:
         mode = Path(path).stat().st_mode if path else 0
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise UsageError(f"{path}: cannot be read: {reason}") from error
+        raise UsageError(f"{path}: cannot be read: {system_reason(error)}") from error
     if not path:
         raise UsageError("a path of capability files is empty")
     if not stat.S_ISDIR(mode):

@@ -389,5 +389,5 @@ def _read_substitute(max_bytes: int) -> bytes:
         return sys.stdin.buffer.read(max_bytes + 1)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}") from error
-    except ValueError as error:  # it is closed
-        raise InputError(f"cannot be read: {error}") from error
+    except ValueError as error:
+        raise InputError("cannot be read: standard input is closed") from error

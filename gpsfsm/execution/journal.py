@@ -157,7 +157,7 @@ class Journal:
             number: int = cursor.fetchone()[0]
             name = _digest(f"{number}\n{text}".encode())[:32]
             self._connection.executemany(
-                "INSERT INTO content SELECT ?1, ?2 WHERE ?1 NOT IN (SELECT sha256 FROM content)",
+                "INSERT INTO content VALUES (?, ?) ON CONFLICT DO NOTHING",
                 [(_digest(content), content) for content in contents if content],
             )
             file, now = clean(heading.file), self._wall_us()

@@ -10,7 +10,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import GpsfsmError, InputError
+from gpsfsm.errors import GpsfsmError, InputError, system_reason
 from gpsfsm.files import read
 from gpsfsm.fuzzing.runs import scenario_of
 from gpsfsm.fuzzing.subject import FAULTS, LONGEST_MS, Act, Fate, TimedScenario, in_ms
@@ -96,8 +96,7 @@ def keep_case(failure: Failure, source: str, folder: str, *, seed: int = 0) -> P
     except (OSError, ValueError) as error:
         with suppress(OSError, ValueError):
             part.unlink(missing_ok=True)
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise GpsfsmError(f"cannot write {path}: {reason}") from error
+        raise GpsfsmError(f"cannot write {path}: {system_reason(error)}") from error
     return path
 
 
@@ -111,8 +110,7 @@ def cases_in(folder: str) -> list[Case]:
         if Path(folder).exists() and not Path(folder).is_dir():
             raise InputError(f"{folder}: is not a folder")
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{folder}: cannot be read: {reason}") from error
+        raise InputError(f"{folder}: cannot be read: {system_reason(error)}") from error
     if len(files) > _MAX_CASES:
         raise InputError(f"{folder}: contains more than {_MAX_CASES:,} cases; remove some")
     return [read_case(str(file)) for file in files]

@@ -33,6 +33,7 @@ from gpsfsm.errors import (
     require_list,
     require_texts,
     require_whole,
+    system_reason,
 )
 from gpsfsm.progress import counted, refuse_progress
 from gpsfsm.tasks.task import Task
@@ -385,8 +386,9 @@ def task_of(task: object) -> Task:
     try:
         changed = Path(text).stat().st_mtime_ns
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigError(f"the task file {text[:200]!r} cannot be read: {reason}") from error
+        raise ConfigError(
+            f"the task file {text[:200]!r} cannot be read: {system_reason(error)}"
+        ) from error
     return _load(text, changed)
 
 

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING
 
 from gpsfsm import logs
 from gpsfsm.errors import GpsfsmError
+from gpsfsm.generation.providers.address import is_loopback
 from gpsfsm.model.printable import clip
 from gpsfsm.service.clients import Proxies
 from gpsfsm.service.entrance import ENDPOINT, VERDICT, Entrance
 from gpsfsm.service.registry import all_endpoints
-from gpsfsm.service.settings import host_of, is_loopback
+from gpsfsm.service.settings import host_of
 from gpsfsm.service.shapes import CONTENT_TYPE, Problem
 from gpsfsm.strict_json import strict_loads
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import UsageError
+from gpsfsm.generation.providers.address import bare_address
 from gpsfsm.service.shapes import Problem
 
 if TYPE_CHECKING:
@@ -136,11 +137,9 @@ def _bare(hop: str) -> str:
 
 def _address(host: str) -> _Address | None:
     try:
-        address = ipaddress.ip_address(host.partition("%")[0])
+        return bare_address(host.partition("%")[0])
     except ValueError:
         return None
-    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
-    return mapped or address
 
 
 # ---- Shares: one client, however much it wants, leaves the others what they need -----------------

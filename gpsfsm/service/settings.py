@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import ipaddress
 import re
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import UsageError
+from gpsfsm.generation.providers.address import ipv6_text, is_loopback
 from gpsfsm.model.printable import clip
 from gpsfsm.service.clients import Proxies
 from gpsfsm.syntax import Limits
@@ -41,16 +41,6 @@ _LEAST_BODIES = 4
 """There is room for so many bodies of the greatest length, whoever sends them."""
 
 
-def is_loopback(host: str) -> bool:
-    """True if only this machine can reach a server that is bound to ``host``."""
-    if host.lower() == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
 def host_of(text: str) -> str | None:
     """The host of a Host header or an origin, without its port; None for what is no such thing.
 
@@ -63,7 +53,7 @@ def host_of(text: str) -> str | None:
     if match["name"]:
         return match["name"].lower()
     try:
-        return ipaddress.IPv6Address(match["address"]).compressed
+        return ipv6_text(match["address"])
     except ValueError:
         return None
 

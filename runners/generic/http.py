@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import re
 from encodings.aliases import aliases
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError, said
+from gpsfsm.generation.providers.address import ipv6_text
 from gpsfsm.runners.generic import number, text
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def allowed_host(text: str) -> str:
         raise ValueError(f"there is no port {port}: ports go from 1 to 65535")
     if name.startswith("["):
         try:
-            name = host_name(str(ipaddress.IPv6Address(name[1:-1].partition("%")[0])))
+            name = host_name(ipv6_text(name[1:-1].partition("%")[0]))
         except ValueError:
             raise ValueError(f"{name[:80]} is not an IPv6 address; {_HOW}") from None
         if "%" in text:
@@ -209,7 +209,7 @@ def _why(text: str) -> str:
         fits = host and host != text.lower() and _is_host(host)
         return f"it is more than a host; {f'write {host}' if fits else _HOW}"
     try:
-        return f"write [{ipaddress.IPv6Address(text)}], with brackets"
+        return f"write [{ipv6_text(text)}], with brackets"
     except ValueError:
         pass
     if not text.isascii():
@@ -230,7 +230,7 @@ def host_name(name: str) -> str:
     if ":" not in name:
         return name
     try:
-        return f"[{ipaddress.IPv6Address(name)}]"
+        return f"[{ipv6_text(name)}]"
     except ValueError:
         return f"[{name}]"
 

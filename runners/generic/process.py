@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gpsfsm.errors import system_reason
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.runners.generic import number, text
 from gpsfsm.workers import lift_limit
@@ -78,7 +79,7 @@ class ProcessRunner(Runner):
         except TimeoutError:
             raise RunnerError(f"{arguments[0]} was stopped after {timeout_s:g} s") from None
         except (OSError, ValueError) as error:
-            raise RunnerError(f"{arguments[0]} cannot be run: {error}") from error
+            raise RunnerError(f"{arguments[0]} cannot be run: {system_reason(error)}") from error
         complaints = program.text(2)
         if program.code != 0:
             raise RunnerError(
@@ -97,7 +98,8 @@ class ProcessRunner(Runner):
                 else shlex.split(text(parameters, "command"))
             )
         except ValueError as error:
-            raise RunnerError(f"the command cannot be read: {error}") from error
+            wrong = "a quotation has no end, or nothing follows the last backslash"
+            raise RunnerError(f"the command cannot be read: {wrong}") from error
         if not 0 < len(arguments) <= _MAX_ARGUMENTS:
             raise RunnerError(f"the command has {len(arguments):,} parts")
         if arguments[0] not in self._programs:

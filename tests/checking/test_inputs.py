@@ -163,7 +163,7 @@ class TestReading:
             ("missing.xml", "cannot be read: No such file or directory"),
             (".", "is a folder"),
             ("", "cannot be read: the path is empty"),
-            ("a\0b", "cannot be read: embedded null byte"),
+            ("a\0b", "cannot be read: a NUL character is not allowed"),
             ("x" * 5000, "cannot be read: File name too long"),
             (os.devnull, "is not a regular file"),
         ],

@@ -90,8 +90,8 @@ def test_a_scenario_that_claims_something_else(
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("{", "s.json:1:2: is not JSON: Expecting property name"),
-        ('{"outcomes":\n oops}', "s.json:2:2: is not JSON: Expecting value"),
+        ("{", "s.json:1:2: is not JSON: a key in double quotes is expected"),
+        ('{"outcomes":\n oops}', "s.json:2:2: is not JSON: a value is expected"),
         ("{\xff", "s.json: is not UTF-8 text (byte 2)"),
         ("[]", "is neither a report"),
         ("{}", "is neither a report"),

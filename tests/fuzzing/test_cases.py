@@ -91,7 +91,7 @@ def test_a_file_that_is_no_case_is_refused(
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        ("", ":1:1: is not JSON: Expecting value"),
+        ("", ":1:1: is not JSON: a value is expected"),
         ("[]", ": is not a case of 'gpsfsm fuzz' (TypeError: "),
         ("7", ": is not a case of 'gpsfsm fuzz' (TypeError: "),
         ("{}", ": is not a case of 'gpsfsm fuzz' (KeyError: 'gpsfsm_case')"),

@@ -120,7 +120,7 @@ def test_depth_is_bounded() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "the answer is not JSON: Expecting value at line 1, column 1"),
+        ("", "the answer is not JSON: a value is expected at line 1, column 1"),
         ("{}", "plan: nothing stands where a list of steps is needed"),
         ("[]", 'the answer: a list stands where an object {"plan": […]} is needed'),
         ('{"plan": {}}', "plan: an object stands where a list of steps is needed"),

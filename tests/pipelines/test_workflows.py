@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -208,6 +209,33 @@ def test_the_site_and_the_release(tmp_path: Path, published: Path) -> None:
     assert not run_job(jobs("release.yml")["release"], place, NAMES, ENV).failed
     (call,) = log(place, "gh")
     assert call == f"release create {TAG} --verify-tag --generate-notes assets/gpsfsm.whl"
+
+
+def test_every_python_that_is_promised_is_tried() -> None:
+    text = (REPO / "pyproject.toml").read_text("utf-8")
+    promised = re.findall(r'"Programming Language :: Python :: (3\.\d+)"', text)
+    everything, quick = jobs("ci.yml")["everything"], jobs("ci.yml")["pythons"]
+    assert everything["container"] == f"python:{promised[0]}-bookworm"
+    assert quick["strategy"]["matrix"]["python"] == promised[1:]
+    assert f'requires-python = ">={promised[0]}"' in text
+    first = " ".join((REPO / "docs" / "install.md").read_text("utf-8").split())
+    assert f"with Python {', '.join(promised[:-1])} and {promised[-1]}: all of them with" in first
+
+
+@pytest.mark.parametrize(("newer", "taken"), [(0, "python3.12"), (127, "")])
+def test_make_takes_a_python_that_starts(tmp_path: Path, newer: int, taken: str) -> None:
+    """None that is too old, and none that is only a name, as pyenv has them."""
+    codes = {"python3.11": 127, "python3": 1, "python3.12": newer, "python3.13": 127}
+    for name, code in (codes | {"python3.14": 127}).items():
+        (tmp_path / name).write_text(f"#!/bin/sh\nexit {code}\n", encoding="utf-8")
+        (tmp_path / name).chmod(0o755)
+    environment = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    command = ["make", "--dry-run", "newest"]
+    done = subprocess.run(command, cwd=REPO, env=environment, capture_output=True, check=False)
+    if taken:
+        assert done.stdout.decode().startswith(f"{taken} -m venv ")
+    else:
+        assert "gpsfsm needs Python 3.11 or newer" in done.stderr.decode()
 
 
 def test_continuous_integration_calls_what_is_there() -> None:

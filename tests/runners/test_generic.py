@@ -102,8 +102,8 @@ def test_a_program_runs_without_a_shell() -> None:
         ("rm -rf x", "the program 'rm' is not allowed"),
         ("/bin/echo x", "the program '/bin/echo' is not allowed"),
         ("", "the command has 0 parts"),
-        ("echo 'x", "the command cannot be read: No closing quotation"),
-        (["echo", "a\0b"], "echo cannot be run: embedded null byte"),
+        ("echo 'x", "the command cannot be read: a quotation has no end"),
+        (["echo", "a\0b"], "echo cannot be run: a NUL character is not allowed"),
         ("no-such-program", "no-such-program cannot be run: "),
     ],
 )
@@ -269,7 +269,7 @@ def test_a_function_of_the_library() -> None:
     ("function", "message"),
     [
         ("os:system", "the function 'os:system' is not allowed"),
-        ("no.such:function", "there is no function no.such:function: No module named 'no'"),
+        ("no.such:function", "there is no function no.such:function: "),
         ("os:no_such", "there is no function os:no_such: "),
         ("nonsense", "there is no function nonsense: "),
         (f"{__name__}:waits", f"{__name__}:waits is not a function that can be called directly"),

@@ -262,7 +262,7 @@ def test_no_answer_in_time(host: str) -> None:
         ({"url": "http://127.0.0.1.evil.example/"}, "the host 127.0.0.1.evil.example:80 is not"),
         ({"url": "http://127.1/"}, "the host 127.1:80 is not allowed"),
         ({"url": "http://2130706433/"}, "the host 2130706433:80 is not allowed"),
-        ({"url": "http://[::ffff:127.0.0.1]/"}, "the host [::ffff:7f00:1]:80 is not allowed"),
+        ({"url": "http://[::ffff:127.0.0.1]/"}, "the host [::ffff:127.0.0.1]:80 is not allowed"),
         ({"url": "http:///127.0.0.1/"}, "the address '/127.0.0.1/' does not begin with"),
         ({"url": "http://127.0.0.1:1/"}, "no answer from http://127.0.0.1:1/: ConnectError"),
         ({"url": "http://127.0.0.1/", "method": "TRACE"}, "the method 'TRACE' is not one of"),

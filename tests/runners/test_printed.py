@@ -63,7 +63,7 @@ def closes() -> None:
         try:
             wrong()
         except (OSError, TypeError) as error:
-            print(error)
+            print(type(error).__name__)
 
 
 @pytest.mark.parametrize(
@@ -81,8 +81,8 @@ def closes() -> None:
         (
             "closes",
             [
-                *("stdout: False", "stdout: still open", "stdout: fileno"),
-                "stdout: write() argument must be str, not bytes",
+                *("stdout: False", "stdout: still open", "stdout: UnsupportedOperation"),
+                "stdout: TypeError",
             ],
         ),
     ],

@@ -329,7 +329,7 @@ def test_a_task_that_is_cancelled_cancels_its_run(tmp_path: Path, real: bool) ->
 
     async def cancel() -> None:
         running = asyncio.create_task(gpsfsm.run_async(text, journal=journal, real=real))
-        while not _has_begun(journal):
+        while not _has_begun(journal) and not running.done():
             await asyncio.sleep(0.05)
         running.cancel()
         with pytest.raises(asyncio.CancelledError):

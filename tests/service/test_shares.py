@@ -370,6 +370,7 @@ def test_large_requests_leave_a_worker_to_small_ones() -> None:
 def test_what_turns_out_to_be_large_is_moved(monkeypatch: pytest.MonkeyPatch) -> None:
     """With an estimate that takes everything for small: it is the budget that protects."""
     monkeypatch.setattr("gpsfsm.service.pool.expected_ms", lambda *_, **__: 1.0)
+    monkeypatch.setattr("gpsfsm.service.pool._WAITS", 600)  # a new worker may be slow to begin
 
     async def work(pool: Pool) -> tuple[int, int, Counter[tuple[str, str]]]:
         with pytest.raises(Problem) as late:

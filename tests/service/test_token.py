@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 from gpsfsm.cli import main
 from gpsfsm.errors import UsageError
-from gpsfsm.generation.providers.address import Secret
+from gpsfsm.generation.providers.address import Secret, is_loopback
 from gpsfsm.service import Settings, app
-from gpsfsm.service.settings import host_of, is_loopback
+from gpsfsm.service.settings import host_of
 from tests.service.support import GOOD, Service
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def status_of(
     ("host", "loopback"),
     [
         *(("127.0.0.1", True), ("127.9.9.9", True), ("::1", True), ("localhost", True)),
+        *(("::ffff:127.0.0.1", True), ("::ffff:7f00:1", True), ("::ffff:192.168.1.2", False)),
         *(("0.0.0.0", False), ("::", False), ("192.168.1.2", False), ("", False)),  # noqa: S104
         *(("localhost.example", False), ("127.0.0.1.example", False), ("robot", False)),
     ],

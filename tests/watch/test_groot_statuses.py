@@ -294,7 +294,7 @@ def test_texts_of_all_kinds_of_nodes() -> None:
     }
     uids = [each.get("_uid") for each in root.iter() if "_uid" in each.attrib]
     assert uids == ["1", "2", "3", "6", "7", "8", "9", "10", "11", "4", "5"]
-    kinds = {each.get("ID"): each.tag for each in root.find("TreeNodesModel") or ()}
+    kinds = {each.get("ID"): each.tag for each in root.iterfind("TreeNodesModel/*")}
     assert kinds == {
         "Deco": "Decorator",
         "Free": "Condition",

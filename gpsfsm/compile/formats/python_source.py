@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import ast
 import copy
-import re
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -38,6 +37,7 @@ from gpsfsm.compile.formats.python_values import (
     imports,
     joined_text,
     operated,
+    parsed,
     text_row,
 )
 from gpsfsm.compile.machines import Place
@@ -55,8 +55,6 @@ MOST_STEPS: Final = 50_000
 MOST_VALUES: Final = 500_000
 MOST_COPIES: Final = 5_000
 _DEEPEST: Final = 12
-_PRINT = re.compile(r"^([ \t]*)print\b(?!\s*\().*$", re.M)
-_EXCEPT = re.compile(r"^([ \t]*except\s+[\w.()]+), ?(\w+)[ \t]*:", re.M)
 
 SEQUENTIAL = ("StateMachine", "OperatableStateMachine", "PriorityContainer")
 PARALLEL = ("Concurrence", "ConcurrencyContainer")
@@ -129,17 +127,11 @@ class Source:
         return machine_from(max(run or tops, key=_size), file)
 
     def _parsed(self, text: str) -> ast.Module | None:
-        old = _EXCEPT.sub(r"\1 as \2:", _PRINT.sub(r"\1pass", text)).expandtabs(8)  # Python 2
-        for attempt in (text, old):
-            try:
-                return ast.parse(attempt.replace("\r\n", "\n"))
-            except SyntaxError as error:
-                line, column = error.lineno or 1, error.offset or 1
-                message = f"this is neither Python 3 nor Python 2 that is like it: {error.msg}"
-            except (RecursionError, MemoryError, ValueError):
-                line, column, message = 1, 1, "this Python is nested too deeply, or no text"
-                break
-        place = Location(max(line, 1), max(column, 1), "/machine")
+        tree = parsed(text)
+        if isinstance(tree, ast.Module):
+            return tree
+        message, line, column = tree
+        place = Location(line, column, "/machine")
         self.problems.append(problem(message, place, "correct it there"))
         return None
 

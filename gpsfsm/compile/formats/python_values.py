@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
@@ -38,6 +39,26 @@ class Instance:
     kind: str
     outcomes: tuple[str, ...] = ()
     parameters: dict[str, Any] = field(default_factory=dict)
+
+
+_PRINT = re.compile(r"^([ \t]*)print\b(?!\s*\().*$", re.M)
+_EXCEPT = re.compile(r"^([ \t]*except\s+[\w.()]+), ?(\w+)[ \t]*:", re.M)
+
+
+def parsed(text: str) -> ast.Module | tuple[str, int, int]:
+    """The syntax of a source, or what is wrong with it, in which line and column."""
+    old = _EXCEPT.sub(r"\1 as \2:", _PRINT.sub(r"\1pass", text)).expandtabs(8)  # Python 2
+    wrong = ("", 1, 1)
+    for attempt in (text, old):
+        try:
+            with warnings.catch_warnings(action="ignore"):  # of escapes: the text is not ours
+                return ast.parse(attempt.replace("\r\n", "\n"))
+        except SyntaxError as error:
+            message = f"this is neither Python 3 nor Python 2 that is like it: {error.msg}"
+            wrong = message, max(error.lineno or 1, 1), max(error.offset or 1, 1)
+        except (RecursionError, MemoryError, ValueError):
+            return "this Python is nested too deeply, or no text", 1, 1
+    return wrong
 
 
 def text_row(value: Any) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hmac
 from contextlib import suppress
 from enum import Enum
-from ipaddress import ip_address
+from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import TYPE_CHECKING, Any, NoReturn
 from urllib.parse import SplitResult, urlsplit
 
@@ -176,12 +176,35 @@ def server_of(url: str) -> str:
 
 def is_loopback(host: str) -> bool:
     """True if a host is this computer, and nothing that is sent there leaves it."""
-    if host == "localhost":
+    if host.lower() == "localhost":
         return True
     try:
-        return ip_address(host).is_loopback
+        return bare_address(host).is_loopback
     except ValueError:
         return False
+
+
+def bare_address(text: str) -> IPv4Address | IPv6Address:
+    """The address in a text, of IPv4 also where one of IPv6 only wraps it. Raises ValueError.
+
+    Versions of Python differ in what a wrapped address is, and in how it is spelled.
+
+    >>> bare_address("::ffff:127.0.0.1")
+    IPv4Address('127.0.0.1')
+    """
+    address = ip_address(text)
+    mapped = address.ipv4_mapped if isinstance(address, IPv6Address) else None
+    return mapped or address
+
+
+def ipv6_text(text: str) -> str:
+    """An address of IPv6 in its one spelling. Raises ValueError for anything else.
+
+    >>> ipv6_text("0::1"), ipv6_text("::FFFF:7F00:1")
+    ('::1', '::ffff:127.0.0.1')
+    """
+    address = IPv6Address(text)
+    return str(address) if address.ipv4_mapped is None else f"::ffff:{address.ipv4_mapped}"
 
 
 def _server(url: str) -> tuple[str, str, int]:
@@ -190,5 +213,5 @@ def _server(url: str) -> tuple[str, str, int]:
     scheme = parts.scheme
     host = (parts.hostname or "").removesuffix(".")
     with suppress(ValueError):
-        host = str(ip_address(host))
+        host = str(bare_address(host))
     return scheme, host, _PORTS.get(scheme, 0) if parts.port is None else parts.port

@@ -191,6 +191,12 @@ def test_what_only_a_run_knows_is_refused_at_its_line(text: str, line: int, mess
     assert any(number == line and message in each for number, each in rows), rows
 
 
+def test_python_does_not_speak_of_escapes_in_what_is_read() -> None:
+    """It would warn, on some versions on standard error, and where warnings are errors raise."""
+    text = TOP + ADD.replace("'A'", "'\\d'")
+    assert names(read(text)) == ["\\d"]
+
+
 def test_conditions_of_flexbe_that_are_not_written_are_refused() -> None:
     text = "import flexbe_core\nc = ConcurrencyContainer(outcomes=['a'], conditions=[f()])\n"
     assert refused(text, FLEXBE) == [

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import InputError, UsageError
+from gpsfsm.errors import InputError, UsageError, system_reason
 from gpsfsm.files import read
 from gpsfsm.generation.language_model import Answer, Constraint, Finish, ModelError, Usage, cost_of
 from gpsfsm.generation.providers import Provider
@@ -105,8 +105,10 @@ def _content(name: str) -> bytes:
         if not Path(name).is_file():
             raise UsageError(f"{clip(name, 200)}: is not a file with recorded answers")
         content = read(name, _MAX_BYTES, pipes=False)
-    except (InputError, OSError, ValueError) as error:
-        problem = str(error) if isinstance(error, InputError) else f"cannot be read: {error}"
+    except InputError as error:
+        raise UsageError(f"{clip(name, 200)}: {error}") from error
+    except (OSError, ValueError) as error:
+        problem = f"cannot be read: {system_reason(error)}"
         raise UsageError(f"{clip(name, 200)}: {problem}") from error
     if len(content) > _MAX_BYTES:
         raise UsageError(f"{clip(name, 200)}: is larger than {_MAX_BYTES} bytes")
