@@ -167,7 +167,6 @@ export function recordSentence(plan, record, count = 0) {
 
 // "sometimes", or "may" where only an over-approximation does it, "sometimes or always"
 export function frequency(facts, name) {
-  const precision = (facts.precision || {})[name];
-  if (precision === "may") return "may";
-  return precision === "can" ? "sometimes or always" : facts[name] || "";
+  const words = { may: "may", can: "sometimes or always" };
+  return words[(facts.precision || {})[name]] || facts[name] || "";
 }
