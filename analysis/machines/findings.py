@@ -217,7 +217,7 @@ class Findings:
         message = (
             f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (len(numbers) > 1)} {lines}: "
         )
-        message += f"{terms.unguarded}); {fewest_words(fewest or 0)}"
+        message += f"{terms.unguarded}); {fewest_words(fewest, terms, failures=failures)}"
         if broken:
             message += f", but --tolerate {self.tolerate} requires more"
         return rule("GP302").finding(

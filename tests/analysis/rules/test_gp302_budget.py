@@ -134,3 +134,38 @@ def test_no_option_hides_a_broken_budget_from_the_gate() -> None:
         verdict = gate_text(GUARDED, "", GateOptions(replace(check, trees=False)))
         assert not verdict.accepted
         assert [each.rule for each in verdict.findings] == ["GP302"]
+
+
+ONE = "<Fallback><A/><AlwaysFailure/></Fallback>"
+BOTH = '<Parallel success_count="2" failure_count="1"><A/><B/></Parallel>'
+SWITCH = (
+    '<Sequence><Ask answer="{r}"/><Switch2 variable="{r}" case_1="k" case_2="h"><A/><B/>'
+    "<AlwaysFailure/></Switch2></Sequence>"
+)
+
+
+@pytest.mark.parametrize(
+    ("tree", "message"),
+    [
+        ("<AlwaysFailure/>", "the tree can fail although no action fails"),
+        ("<Sequence><A/><AlwaysFailure/></Sequence>", "the tree can fail although no action fails"),
+        (
+            f"<Inverter>{BOTH}</Inverter>",
+            "2 of 4 outcomes make the tree fail (line 1: an Inverter turns it into a failure); no "
+            "failure is needed",
+        ),
+        (
+            SWITCH,
+            "3 failures make the tree fail (line 1: nothing handles it); the tree can also fail "
+            "although no action fails",
+        ),
+        (
+            ONE,
+            "1 of 1 failure makes the tree fail (line 1: nothing handles it); 1 failure is enough",
+        ),
+    ],
+)
+def test_the_parts_of_a_message_are_true_together(tree: str, message: str) -> None:
+    finding = dangling(f'<root BTCPP_format="4"><BehaviorTree ID="M">{tree}</BehaviorTree></root>')
+    assert finding is not None
+    assert finding.message == message
