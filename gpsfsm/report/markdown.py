@@ -14,7 +14,7 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip, plain_markdown
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import Format, RenderOptions
-from gpsfsm.report._words import count, has_line, setting_line, suppressed_line, totals
+from gpsfsm.report._words import count, has_line, has_place, setting_line, suppressed_line, totals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,7 +70,10 @@ def _serious(finding: Finding) -> bool:
 
 def _finding(plan: PlanReport, finding: Finding) -> Iterator[str]:
     place = _text(plan.file_of(finding.location))
-    place += f", line {finding.location.line}" if has_line(finding) else ""
+    if has_line(finding):
+        place += f", line {finding.location.line}"
+    elif has_place(finding):
+        place += f", {_text(finding.location.element)}"
     head = f"**{finding.severity.value} {_text(finding.rule)} {_text(finding.name)}**"
     yield f"- {head} ({place}): {_text(finding.message)}"
     if finding.hint:
