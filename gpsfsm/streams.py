@@ -336,22 +336,40 @@ def write_text(text: str, output_file: str = STDOUT, *, form: Form = Form.TEXT) 
     write_bytes(guarded(text, form).encode("utf-8", "backslashreplace"), output_file)
 
 
-def write_bytes(data: bytes, output_file: str, *, parents: bool = False) -> None:
+def write_bytes(
+    data: bytes, output_file: str, *, parents: bool = False, within: str | None = None
+) -> None:
     """Write a file, whole or not at all; it keeps its rights, and a link stays a link.
 
-    ``parents``: make the folders that it needs. Raises GpsfsmError if it cannot be written.
+    ``parents``: make the folders that it needs. ``within``: the folder that somebody has named, out
+    of which no link in it may lead. Raises GpsfsmError if it cannot be written.
     """
     with _explained(output_file):
+        target = _target(output_file, within)
         if parents:
-            Path(output_file).parent.mkdir(parents=True, exist_ok=True)
-        _write_file(Path(os.path.realpath(output_file)), data)
+            target.parent.mkdir(parents=True, exist_ok=True)
+        _write_file(target, data)
 
 
-def check_writable(output_file: str, inputs: Iterable[str], others: Iterable[str] = ()) -> None:
+def _target(output_file: str, within: str | None) -> Path:
+    """The file that is written, which a link may lead to. Raises OSError, ValueError."""
+    target = Path(os.path.realpath(output_file))
+    if within is not None and not target.is_relative_to(os.path.realpath(within)):
+        raise OSError(0, f"a link leads out of the folder {within}, to {target}")
+    return target
+
+
+def check_writable(
+    output_file: str,
+    inputs: Iterable[str],
+    others: Iterable[str] = (),
+    *,
+    within: str | None = None,
+) -> None:
     """Raise GpsfsmError for an output file that cannot be written, or that is one of ``inputs``.
 
     ``others`` are the other files that are written, or standard output. To be called before the
-    work is done, so that a wrong path costs no time.
+    work is done, so that a wrong path costs no time. ``within``: as for ``write_bytes``.
     """
     if output_file == STDOUT:
         return
@@ -359,6 +377,7 @@ def check_writable(output_file: str, inputs: Iterable[str], others: Iterable[str
     if any(os.path.realpath(path) == target for path in inputs):
         raise UsageError(f"writing {output_file} would overwrite a plan")
     with _explained(output_file):
+        _target(output_file, within)
         if Path(target).is_dir():
             raise IsADirectoryError(0, "it is a folder")
         if not Path(target).parent.is_dir():
