@@ -280,7 +280,7 @@ class PlanQueueClient:
         """Let it stop between two events; the journal says what is left to do."""
         self._closing = True
         process = self._process
-        if process is not None and process.alive:
+        if process is not None and process.code is None:
             with suppress(GoneError):
                 await process.send({"op": "stop"})
             await process.end(within_s=self._settings.grace_s)
