@@ -8,11 +8,13 @@ program, byte for byte, is ``Form.EXACT``: docs/formats.md tells what holds for 
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
 import stat
 import sys
+import time
 from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import cache
@@ -54,6 +56,11 @@ class Stream(Enum):
 
 STDOUT = "-"
 """Standard output, as the name of a file."""
+
+READER_S = 1.0
+"""A pipe is not written to if nobody has opened it to read after so many seconds."""
+
+_LOOK_S = 0.05
 
 _JSON = ("json", "jsonl", "connections")
 
@@ -348,7 +355,13 @@ def write_bytes(
         target = _target(output_file, within)
         if parents:
             target.parent.mkdir(parents=True, exist_ok=True)
-        _write_file(target, data)
+        mode = _mode(Path(output_file))
+        if mode is None or stat.S_ISREG(mode):
+            _write_file(target, data, mode)
+            return
+        # A pipe or /dev/null cannot be replaced, and /dev/fd/3 leads to no name of a file.
+        with open(output_file, "wb", opener=_without_waiting) as file:
+            file.write(data)
 
 
 def _target(output_file: str, within: str | None) -> Path:
@@ -404,13 +417,8 @@ def _explained(output_file: str) -> Iterator[None]:
         raise GpsfsmError(f"cannot write {output_file}: {error}") from error
 
 
-def _write_file(target: Path, data: bytes) -> None:
+def _write_file(target: Path, data: bytes, mode: int | None) -> None:
     """Through a file beside it that takes its name at the end: nobody ever reads half a report."""
-    mode = _mode(target)
-    if mode is not None and not stat.S_ISREG(mode):  # a pipe or /dev/null cannot be replaced
-        with target.open("wb") as file:
-            file.write(data)
-        return
     temporary = target.with_name(f".gpsfsm-{os.urandom(8).hex()}.tmp")
     try:
         with temporary.open("xb") as file:  # with the rights that the umask gives new files
@@ -425,6 +433,23 @@ def _write_file(target: Path, data: bytes) -> None:
         raise
 
 
+def _without_waiting(path: str, flags: int) -> int:
+    """Open a file to write; a pipe must have a reader, or get one in a moment."""
+    until_s = time.monotonic() + READER_S
+    while True:
+        try:
+            number = os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)
+        except OSError as error:
+            if error.errno != errno.ENXIO:
+                raise
+            if time.monotonic() >= until_s:
+                raise OSError(0, f"nobody has read this pipe within {READER_S:g} s") from None
+            time.sleep(_LOOK_S)
+        else:
+            os.set_blocking(number, True)
+            return number
+
+
 def _mode(target: Path) -> int | None:
     try:
         return target.stat().st_mode
@@ -435,7 +460,7 @@ def _mode(target: Path) -> int | None:
 def append_text(text: str, file: str) -> None:
     """As the steps of a pipeline do: what is there already stays, and nothing is half there."""
     try:
-        with FileIO(file, "a") as target:
+        with FileIO(file, "a", opener=_without_waiting) as target:
             before = os.fstat(target.fileno())
             rest = guarded(text).encode("utf-8", "backslashreplace")
             try:

@@ -54,12 +54,12 @@ def check_inputs(
     """Check every input, in order, where ``jobs`` says (docs/scale.md).
 
     The reports do not depend on ``jobs``. A defect of gpsfsm that one plan brings to light is
-    reported for that plan. What is not decided after ``time_limit_s`` is undecided; then another
-    process checks, also with one job, since that can be ended. Raises UsageError for options that
-    make no sense, and for an engine that is not to be had.
+    reported for that plan. What is not read or not decided after ``time_limit_s`` is undecided;
+    then another process checks, also with one job, since that can be ended. Raises UsageError for
+    options that make no sense, and for an engine that is not to be had.
     """
     engine = engine_of(jobs, len(inputs), timeout_s=time_limit_s)
-    texts = items_of(inputs, options.limits)
+    texts = items_of(inputs, options.limits, within_s=time_limit_s)
 
     def late(item: CheckItem) -> PlanReport:
         assert time_limit_s is not None
@@ -82,11 +82,13 @@ def texts_of(
             yield Settled(refuse(item.path, str(error)))
 
 
-def items_of(inputs: Iterable[Input], limits: Limits) -> Iterator[CheckItem | Settled[PlanReport]]:
-    """The texts of inputs, with the files that they include."""
+def items_of(
+    inputs: Iterable[Input], limits: Limits, *, within_s: float | None = None
+) -> Iterator[CheckItem | Settled[PlanReport]]:
+    """The texts of inputs, and the files that they include. ``within_s``: as for ``files.read``."""
     for item in inputs:
         try:
-            text = read_bytes(item, limits.max_bytes)
+            text = read_bytes(item, limits.max_bytes, within_s=within_s)
         except InputError as error:
             yield Settled(unreadable(item.path, str(error)))
         else:

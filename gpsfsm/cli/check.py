@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import threading
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +48,7 @@ from gpsfsm.streams import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from types import FrameType
 
     from gpsfsm.checking import CheckOptions
     from gpsfsm.checking.inputs import Input
@@ -53,6 +57,10 @@ if TYPE_CHECKING:
 
 _NO_PATH = """no plan is given; name a file, a folder, or - for standard input. Example:
   gpsfsm check plan.xml"""
+
+
+TIME_LIMIT_S = 600.0
+"""The time limit per plan if none was named: so long that no machine is too slow for it."""
 
 
 def _format_help() -> str:
@@ -141,7 +149,8 @@ class CheckCommand(CheckValues, FailValues):
     "--time-limit",
     type=NumberRange(0.1, 86_400.0),
     metavar="SECONDS",
-    help="Time limit per plan; beyond it, the plan is undecided, exit code 2. [default: none]",
+    help="Time limit per plan, also for reading it; beyond it, the plan is undecided, exit code 2. "
+    "[default: 600]",
 )
 @limit_options
 @config_options
@@ -172,7 +181,7 @@ def _run(values: CheckCommand) -> int:
     options = _with_task(values.options(), values.task)
     output_format = find_format(values.format)
     apply_baseline = _baseline(None if values.no_baseline else values.baseline)
-    inputs = list(find_inputs(values.paths, values.field))
+    inputs = list(find_inputs(values.paths, values.field, within_s=values.time_limit))
     options = options_for(inputs, options)
     check_writable(values.output_file, [each.file for each in inputs if not each.stdin])
 
@@ -237,20 +246,67 @@ def _baseline(file: str | None) -> Callable[[Report], Report]:
 def _check_all(
     inputs: Sequence[Input], options: CheckOptions, values: CheckCommand
 ) -> Iterator[PlanReport]:
-    jobs, limit_s = values.jobs, values.time_limit
-    if str(jobs).strip() == "1" and limit_s is None:  # without what starts processes
-        from gpsfsm.checking import check_input
-
-        reports: Iterator[PlanReport] = (check_input(each, options) for each in inputs)
+    jobs, limit_s = str(values.jobs).strip(), values.time_limit
+    if jobs == "1" and limit_s is None:  # without what starts processes
+        reports = (_check_here(each, options) for each in inputs)
     else:
         from gpsfsm.checking.parallel import check_inputs
 
+        if limit_s is None and not jobs.startswith("ray"):  # a cluster can end no item
+            limit_s = TIME_LIMIT_S
         reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=limit_s)
     if values.quiet:
         yield from reports
         return
     with progress_bar("checking", len(inputs), at_least=MANY) as progress:
         yield from counted(reports, len(inputs), progress)
+
+
+class _LateError(BaseException):
+    """The time is up; nothing on its way takes it for a defect of what is checked."""
+
+
+def _check_here(source: Input, options: CheckOptions) -> PlanReport:
+    """Check one plan in this process, within the usual time."""
+    from gpsfsm.checking import check_input
+
+    try:
+        with _alarm(TIME_LIMIT_S):
+            return check_input(source, options)
+    except _LateError:
+        from gpsfsm.checking.parallel import too_late
+
+        return too_late(source.path, TIME_LIMIT_S)
+
+
+@contextmanager
+def _alarm(seconds: float) -> Iterator[None]:
+    """Raise _LateError after this time, where the system can; what z3 has begun ends before that.
+
+    A finaliser would swallow it, so it does not strike there, and comes again until it has struck.
+    """
+    can = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
+    if not can:
+        yield
+        return
+
+    def strike(_number: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if frame.f_code.co_name == "__del__":
+                return
+            frame = frame.f_back
+        raise _LateError
+
+    before = signal.signal(signal.SIGALRM, strike)
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    try:
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+    finally:  # it may have struck in there
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def _render_options(values: CheckCommand, options: CheckOptions) -> RenderOptions:
