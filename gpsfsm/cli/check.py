@@ -248,7 +248,7 @@ def _check_all(
 ) -> Iterator[PlanReport]:
     jobs, limit_s = str(values.jobs).strip(), values.time_limit
     if jobs == "1" and limit_s is None:  # without what starts processes
-        reports = (_check_here(each, options) for each in inputs)
+        reports: Iterator[PlanReport] = (_check_here(each, options) for each in inputs)
     else:
         from gpsfsm.checking.parallel import check_inputs
 
