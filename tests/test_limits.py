@@ -158,7 +158,7 @@ class TestTime:
         write(tmp_path, a=ACCEPTED, b=ACCEPTED)
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr("gpsfsm.checking.check.check_text", endless)
-        monkeypatch.setattr("gpsfsm.cli.check.TIME_LIMIT_S", 0.5)
+        monkeypatch.setattr("gpsfsm.checking.check.TIME_LIMIT_S", 0.5)
         before = signal.getsignal(signal.SIGALRM)
         assert main(["check", "a.xml", "b.xml"]) == 2
         said = capsys.readouterr().out

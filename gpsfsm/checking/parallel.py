@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
-from gpsfsm.checking import CheckOptions, check_text, failed, undecided, unreadable
+from gpsfsm.checking import CheckOptions, check_text, failed, unreadable
+from gpsfsm.checking.check import TIME_LIMIT_S, too_late
 from gpsfsm.checking.includes import includes_of
 from gpsfsm.checking.inputs import Input, read_bytes
 from gpsfsm.errors import InputError
@@ -29,7 +30,6 @@ CheckItem: TypeAlias = "tuple[str, bytes, Includes | None]"
 """The path of an input, its text, and the files that this includes."""
 _Result = TypeVar("_Result")
 _HINT = "check it with more memory, or with --jobs 1"
-_MORE_TIME = "allow more time, split the plan, or drop some assumptions"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +68,12 @@ def check_inputs(
     return map_items(engine, CheckWork(options), texts, lost=_not_checked, late=late)
 
 
+def limit_of(jobs: int | str, time_limit_s: float | None) -> float | None:
+    """The time limit of each plan for ``--jobs``, by default the usual; a cluster can end none."""
+    usual_s = None if str(jobs).strip().startswith("ray") else TIME_LIMIT_S
+    return usual_s if time_limit_s is None else time_limit_s
+
+
 def texts_of(
     inputs: Iterable[Input], max_bytes: int, refuse: Callable[[str, str], _Result]
 ) -> Iterator[Text | Settled[_Result]]:
@@ -93,13 +99,6 @@ def items_of(
             yield Settled(unreadable(item.path, str(error)))
         else:
             yield item.path, text, includes_of(item, text, limits)
-
-
-def too_late(path: str, limit_s: float) -> PlanReport:
-    """The report of a plan whose check was ended by the clock."""
-    return undecided(
-        path, f"the plan is undecided after {limit_s:g} s (time limit)", hint=_MORE_TIME
-    )
 
 
 def _not_checked(item: CheckItem, how: str) -> PlanReport:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -48,7 +45,6 @@ from gpsfsm.streams import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-    from types import FrameType
 
     from gpsfsm.checking import CheckOptions
     from gpsfsm.checking.inputs import Input
@@ -57,10 +53,6 @@ if TYPE_CHECKING:
 
 _NO_PATH = """no plan is given; name a file, a folder, or - for standard input. Example:
   gpsfsm check plan.xml"""
-
-
-TIME_LIMIT_S = 600.0
-"""The time limit per plan if none was named: so long that no machine is too slow for it."""
 
 
 def _format_help() -> str:
@@ -149,8 +141,7 @@ class CheckCommand(CheckValues, FailValues):
     "--time-limit",
     type=NumberRange(0.1, 86_400.0),
     metavar="SECONDS",
-    help="Time limit per plan, also for reading it; beyond it, the plan is undecided, exit code 2. "
-    "[default: 600]",
+    help="Time limit per plan and its reading; beyond it: undecided, exit code 2. [default: 600]",
 )
 @limit_options
 @config_options
@@ -246,67 +237,21 @@ def _baseline(file: str | None) -> Callable[[Report], Report]:
 def _check_all(
     inputs: Sequence[Input], options: CheckOptions, values: CheckCommand
 ) -> Iterator[PlanReport]:
-    jobs, limit_s = str(values.jobs).strip(), values.time_limit
-    if jobs == "1" and limit_s is None:  # without what starts processes
-        reports: Iterator[PlanReport] = (_check_here(each, options) for each in inputs)
-    else:
-        from gpsfsm.checking.parallel import check_inputs
+    jobs, limit_s = values.jobs, values.time_limit
+    if str(jobs).strip() == "1" and limit_s is None:  # without what starts processes
+        from gpsfsm.checking import check_in_time
 
-        if limit_s is None and not jobs.startswith("ray"):  # a cluster can end no item
-            limit_s = TIME_LIMIT_S
+        reports: Iterator[PlanReport] = (check_in_time(each, options) for each in inputs)
+    else:
+        from gpsfsm.checking.parallel import check_inputs, limit_of
+
+        limit_s = limit_of(jobs, limit_s)
         reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=limit_s)
     if values.quiet:
         yield from reports
         return
     with progress_bar("checking", len(inputs), at_least=MANY) as progress:
         yield from counted(reports, len(inputs), progress)
-
-
-class _LateError(BaseException):
-    """The time is up; nothing on its way takes it for a defect of what is checked."""
-
-
-def _check_here(source: Input, options: CheckOptions) -> PlanReport:
-    """Check one plan in this process, within the usual time."""
-    from gpsfsm.checking import check_input
-
-    try:
-        with _alarm(TIME_LIMIT_S):
-            return check_input(source, options)
-    except _LateError:
-        from gpsfsm.checking.parallel import too_late
-
-        return too_late(source.path, TIME_LIMIT_S)
-
-
-@contextmanager
-def _alarm(seconds: float) -> Iterator[None]:
-    """Raise _LateError after this time, where the system can; what z3 has begun ends before that.
-
-    A finaliser would swallow it, so it does not strike there, and comes again until it has struck.
-    """
-    can = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
-    if not can:
-        yield
-        return
-
-    def strike(_number: int, frame: FrameType | None) -> None:
-        while frame is not None:
-            if frame.f_code.co_name == "__del__":
-                return
-            frame = frame.f_back
-        raise _LateError
-
-    before = signal.signal(signal.SIGALRM, strike)
-    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
-    try:
-        try:
-            yield
-        finally:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-    finally:  # it may have struck in there
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def _render_options(values: CheckCommand, options: CheckOptions) -> RenderOptions:
