@@ -55,14 +55,18 @@ def count(number: int, noun: str) -> str:
     return f"{number} {noun}" + "s" * (number != 1)
 
 
-def fewest_words(number: int | None, terms: Terms, *, failures: bool = True) -> str:
+def fewest_words(
+    number: int | None, terms: Terms, *, failures: bool = True, at_least: bool = False
+) -> str:
     """The fewest failures that end a plan: ``1 failure is enough``.
 
     ``failures``: what was named before as ending it are failures alone, so an end without any is
-    another one.
+    another one. ``at_least``: the number is a lower bound.
     """
-    if number is None:
+    if number is None or (at_least and not number):
         return "it is unknown how many failures are needed"
+    if at_least and number == 1:
+        return "this takes at least 1 failure"
     if number == 0 and failures:
         return f"the {terms.whole} can also {terms.give_up} {WITHOUT}"
     if number <= 1:

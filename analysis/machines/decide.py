@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 from gpsfsm.analysis.decisions.completion import frequency
+from gpsfsm.analysis.machines.exact import NOWHERE, ExactPart
 from gpsfsm.compile.instants import CODES, COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED, bits
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.capability import OWN
@@ -16,7 +17,7 @@ from gpsfsm.model.report import Frequency
 from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
 
     from gpsfsm.analysis.machines.search import Exploration, Lasso, Step, Steps
     from gpsfsm.model.automaton import Automaton
@@ -47,6 +48,9 @@ class DanglingAt:
     shown: Run | None
 
 
+Claim = tuple[object, ...]
+"""A claim that something can happen, such as ("end", COMPLETED) or ("orphan", 3)."""
+
 WaitingEffect = Literal["stuck", "give_up", "endless", "absorbed"]
 
 
@@ -65,7 +69,8 @@ class Answers:
     """The facts about a machine; runners are numbers, runs are shortest ones.
 
     ``with_fewest``: a run that gives up with the fewest failures.
-    ``shown``: a run that comes to each end that some run comes to, GOING for STUCK.
+    ``shown``: a run that comes to each end that some run comes to, GOING for STUCK. ``may``: the
+    claims of which no run is exact (semantics, 9.6); all others are proved.
     """
 
     completes: Frequency
@@ -82,13 +87,33 @@ class Answers:
     shown: dict[int, Run]
     configurations: int
     with_fewest: Run = ()
+    may: frozenset[Claim] = frozenset()
+
+    def without_exact_runs(self) -> Answers:
+        """The same where no run was looked for that is exact: all that can happen is a may."""
+        claims: list[Claim] = [("end", end) for end in self.shown]
+        claims += [("endless",), ("fewest",)]
+        claims += (("loop", loop.trap, frozenset(loop.runners)) for loop in self.loops)
+        claims += (("dangling", each.signal) for each in self.dangling)
+        claims += (("waiting", each.node) for each in self.waiting)
+        claims += (("orphan", number) for number, _ in self.orphans)
+        return replace(self, may=frozenset(claims))
 
 
 class Judge:
-    """The questions of semantics 9.4, put to one exploration."""
+    """The questions of semantics 9.4, put to one exploration.
 
-    def __init__(self, exploration: Exploration) -> None:
+    ``inexact`` are nodes of the automaton. A run that shows something is looked for in the exact
+    part first: where none is there, the claim is a may.
+    """
+
+    def __init__(self, exploration: Exploration, inexact: Collection[int] = ()) -> None:
         self.exploration = exploration
+        part = ExactPart(exploration, inexact) if inexact else None
+        self.part = part if part is not None and part.reached else None
+        self.exact = None if self.part is None else Judge(self.part)
+        self.inexact = inexact
+        self.may: set[Claim] = set()
         self.automaton = exploration.automaton
         self.count = exploration.reached
         self.tree = tree = self.automaton.plan.vocabulary is Vocabulary.TREE
@@ -105,7 +130,14 @@ class Judge:
     def facts(self) -> Answers:
         """All facts."""
         ends = self._ends()
-        endless, fair = bool(self.lingering), self.exploration.fair(self.lingering)
+        choices = [
+            self.automaton.runner_number(node)
+            for node in self.inexact
+            if self.automaton.nodes[node].kind is NodeKind.RUNNER
+        ]
+        endless, fair = bool(self.lingering), self.exploration.fair(self.lingering, choices)
+        if endless and not (self.exact and self.exact.lingering):
+            self._doubt("endless")
         ended = {end: bool(numbers) for end, numbers in ends.items()}
         others = {
             end: any(possible for other, possible in ended.items() if other != end) for end in ended
@@ -132,11 +164,10 @@ class Judge:
             orphans=() if self.tree else self._orphans(),
             fewest_failures=fewest,
             with_fewest=with_fewest,
-            shown={
-                end: self.exploration.path(min(numbers)) for end, numbers in ends.items() if numbers
-            },
+            shown=self._shown(ends),
             configurations=self.count,
         )
+        facts = replace(facts, may=frozenset(self.may))
         assert any(
             each is not Frequency.NEVER
             for each in (facts.completes, facts.gives_up, facts.stuck, facts.endless)
@@ -154,6 +185,20 @@ class Judge:
                 ends[GOING].append(at)
         return ends
 
+    def _doubt(self, *claim: object) -> None:
+        """No exact run shows what this claim says."""
+        if self.inexact:
+            self.may.add(claim)
+
+    def _shown(self, ends: Mapping[int, list[int]]) -> dict[int, Run]:
+        """A shortest run to each end, an exact one if there is any."""
+        exact = {} if self.exact is None else self.exact._shown(self.exact._ends())
+        for end, numbers in ends.items():
+            if numbers and end not in exact:
+                self._doubt("end", end)
+        paths = {end: self.exploration.path(min(row)) for end, row in ends.items() if row}
+        return paths | exact
+
     # -- loops ------------------------------------------------------------------------------
 
     def _loops(self) -> tuple[Loop, ...]:
@@ -168,13 +213,28 @@ class Judge:
         loops: dict[tuple[bool, frozenset[int]], Loop] = {}
         for component in self.lingering:
             trap = min(component) not in leaving
-            lasso = self.exploration.lasso(component)
+            exact = self._exact_lasso(component)
+            lasso = exact or self.exploration.lasso(component)
             runners = lasso.runners
             if trap:
                 acting = {step.number for steps in component.values() for step in steps}
                 runners = tuple(sorted(acting))
-            loops.setdefault((trap, frozenset(runners)), Loop(trap, lasso, runners))
+            key = trap, frozenset(runners)
+            if exact is None and key not in loops:
+                self._doubt("loop", *key)
+            elif exact is not None:
+                self.may.discard(("loop", *key))
+                loops.pop(key, None)
+            loops.setdefault(key, Loop(trap, lasso, runners))
         return tuple(sorted(loops.values(), key=lambda loop: not loop.trap))
+
+    def _exact_lasso(self, component: Steps) -> Lasso | None:
+        """An exact run that stays in a component for ever, if there is any."""
+        if self.exact is None or self.part is None:
+            return None
+        sources = self.part.sources
+        inner = (each for each in self.exact.lingering if sources[min(each)] in component)
+        return next(map(self.part.lasso, inner), None)
 
     # -- events that lead nowhere -----------------------------------------------------------
 
@@ -189,11 +249,14 @@ class Judge:
                     yield self._effect(signal, number, CODES[event])
 
     def _effect(self, signal: Signal, number: int, event: int) -> DanglingAt:
-        gives_up, stuck = self._costs(number, event)
-        if gives_up is not None:
-            return DanglingAt(signal, "give_up", gives_up)
-        if stuck is not None:
-            return DanglingAt(signal, "stuck", stuck)
+        costs = self._costs(number, event)
+        exact = (None, None) if self.exact is None else self.exact._costs(number, event)
+        effects: tuple[Literal["give_up", "stuck"], ...] = ("give_up", "stuck")
+        for effect, run, exact_run in zip(effects, costs, exact, strict=True):
+            if run is not None:
+                if exact_run is None:
+                    self._doubt("dangling", signal)
+                return DanglingAt(signal, effect, run if exact_run is None else exact_run)
         return DanglingAt(signal, "dont_care", None)
 
     def _costs(self, number: int, event: int) -> tuple[Run | None, Run | None]:
@@ -227,6 +290,8 @@ class Judge:
         """True if with the other outcome some maximal run does not give up, or is not stuck."""
         other = SUCCEEDED if event == FAILED else FAILED
         start = self.exploration.instead(before, number, other)
+        if start == NOWHERE:
+            return False
         if (start, place) not in self._spared_from:
             self._spared_from[start, place] = self._leads_elsewhere(start, place)
         return self._spared_from[start, place]
@@ -263,7 +328,15 @@ class Judge:
             if node.kind is NodeKind.JOIN and node.need > 1:
                 place = instants.place[node.index]
                 waiting = self._waits(node.index, instants.inputs_of[place], 1 << place)
-                if waiting is not None:
+                if waiting is None:
+                    continue
+                exact = self.exact and self.exact._waits(
+                    node.index, instants.inputs_of[place], 1 << place
+                )
+                if exact and exact.effect == waiting.effect:
+                    yield exact
+                else:
+                    self._doubt("waiting", node.index)
                     yield waiting
 
     def _waits(self, node: int, inputs: int, bit: int) -> WaitingJoin | None:
@@ -309,7 +382,10 @@ class Judge:
                 left |= new
                 last = () if step is None else ((step.number, step.outcome),)
                 orphans |= dict.fromkeys(bits(new), (*exploration.path(at), *last))
-        return tuple(sorted(orphans.items()))
+        exact = {} if self.exact is None else dict(self.exact._orphans())
+        for number in orphans.keys() - exact.keys():
+            self._doubt("orphan", number)
+        return tuple(sorted((orphans | exact).items()))
 
     def _completing(self) -> Iterator[tuple[int, Step | None]]:
         """The steps at whose instant the run completes; None if that is the first instant."""
@@ -324,6 +400,16 @@ class Judge:
 
     def _fewest_failures(self) -> tuple[int | None, Run]:
         """The fewest failures with which a run gives up, and the shortest such run."""
+        fewest, run = self._fewest()
+        if self.exact is not None and fewest is not None:
+            exact_fewest, exact_run = self.exact._fewest()
+            if exact_fewest == fewest:
+                return fewest, exact_run
+        if fewest is not None:
+            self._doubt("fewest")
+        return fewest, run
+
+    def _fewest(self) -> tuple[int | None, Run]:
         configurations = self.exploration.configurations
         fewest = {0: (0, 0)}
         origins: dict[int, tuple[int, Step]] = {}

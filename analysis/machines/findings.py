@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import actor, count, fewest_words, listed, place
 from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, Instants
-from gpsfsm.model.capability import OWN
+from gpsfsm.compile.units import TreeMachine
+from gpsfsm.model.capability import OWN, TICK
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, Severity, TraceStep
 from gpsfsm.model.plan import line_words
@@ -23,13 +24,14 @@ from gpsfsm.model.report import (
     JoinDeadlock,
     LoopFact,
     MachineFacts,
+    Precision,
 )
 from gpsfsm.model.story import Sentence, Statement, Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from gpsfsm.analysis.machines.decide import Answers, DanglingAt, Run
+    from gpsfsm.analysis.machines.decide import Answers, Claim, DanglingAt, Run
     from gpsfsm.analysis.machines.overlaps import Overlap
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.finding import Finding
@@ -90,7 +92,30 @@ def facts_of(answers: Answers, automaton: Automaton) -> Facts:
                 LoopFact(tuple(map(path, loop.runners)), loop.trap) for loop in answers.loops
             ),
         ),
+        precision=_precision(answers),
     )
+
+
+def _precision(answers: Answers) -> dict[str, Precision]:
+    """The facts that are not proved as they stand."""
+    names: dict[str, tuple[Frequency, Claim]] = {
+        "completes": (answers.completes, ("end", COMPLETED)),
+        "gives_up": (answers.gives_up, ("end", GAVE_UP)),
+        "stuck": (answers.stuck, ("end", GOING)),
+        "endless": (answers.endless, ("endless",)),
+    }
+    sometimes = [name for name, row in names.items() if row[0] is Frequency.SOMETIMES]
+    proved = [name for name in sometimes if names[name][1] not in answers.may]
+    precision = dict.fromkeys(sometimes, Precision.MAY) | dict.fromkeys(proved, Precision.CAN)
+    if len(proved) > 1:  # what ends otherwise is no run that ends so
+        for name in proved:
+            del precision[name]
+    if ("fewest",) in answers.may and answers.fewest_failures is not None:
+        precision["fewest_failures_to_give_up"] = Precision.AT_LEAST
+    kinds = {claim[0] for claim in answers.may}
+    lists = {"dangling": "dangling", "waiting": "join_deadlocks", "orphan": "orphans"}
+    lists["loop"] = "loops"
+    return precision | {name: Precision.MAY for kind, name in lists.items() if kind in kinds}
 
 
 class Findings:
@@ -124,13 +149,23 @@ class Findings:
         yield from self._waiting()
         yield from self._orphans()
 
+    def _weighed(self, finding: Finding, *claim: object) -> Finding:
+        """A finding about what can happen: a may where no exact run shows it."""
+        return finding.as_may() if claim in self.answers.may else finding
+
     def _unreachable(self) -> Iterator[Finding]:
         for number in self.answers.unreachable:
             element = self.plan.runners[number]
+            if element.interface == TICK:  # stands for nothing that a file has
+                continue
             yield rule("GP301").finding(
-                f"no run of the {self.terms.whole} triggers {place(element)}",
+                f"no run of the {self.terms.whole} triggers {place(element)}{self._cause(element)}",
                 self.plan.location(element),
             )
+
+    def _cause(self, _element: Element) -> str:
+        """The reason why a runner is never triggered, if it is in the file."""
+        return ""
 
     def _ends(self) -> Iterator[Finding]:
         whole, answers, terms = self.plan.location(0), self.answers, self.terms
@@ -151,13 +186,14 @@ class Findings:
         if answers.stuck in (Frequency.SOMETIMES, Frequency.ALWAYS):
             always = answers.stuck is Frequency.ALWAYS
             how = "gets stuck in every run" if always else "can get stuck"
-            yield rule("GP306").finding(
+            finding = rule("GP306").finding(
                 f"this {terms.whole} {how}: it neither completes nor {terms.gives_up}, and nothing "
                 "more can happen",
                 whole,
                 hint="connect the events after which nothing happens",
                 scenario=self._scenario("GP306", answers.shown[GOING], Statement.STUCK),
             )
+            yield finding if always else self._weighed(finding, "end", GOING)
 
     def _severity_of_never(self) -> Severity | None:
         """The severity of a machine that never completes; None for that of the rule."""
@@ -177,13 +213,14 @@ class Findings:
                 if loop.trap
                 else f"this loop runs for ever if the same outcomes repeat: {names}"
             )
-            yield rule(code).finding(
+            finding = rule(code).finding(
                 message,
                 self.plan.location(elements[0]),
                 scenario=self._scenario(
                     code, loop.lasso.prefix, Statement.FOR_EVER, loop=loop.lasso.loop
                 ),
             )
+            yield self._weighed(finding, "loop", loop.trap, frozenset(loop.runners))
 
     def _dangling(self) -> Iterator[Finding]:
         """One finding for all events that end the machine, and one for each that it is stuck at."""
@@ -196,13 +233,14 @@ class Findings:
             element = self._element(each.signal.node)
             verb = "fails" if each.signal.event is Event.FAILED else "succeeds"
             whole = self.terms.whole
-            yield rule("GP302").finding(
+            finding = rule("GP302").finding(
                 f"if {place(element)} {verb}, nothing handles that: the {whole} is stuck",
                 self.plan.location(element),
                 severity=Severity.WARNING,
                 hint="connect this event to the node that should follow it",
                 scenario=self._scenario("GP302", each.shown),
             )
+            yield self._weighed(finding, "dangling", each.signal)
 
     def _giving_up(self, ending: Sequence[DanglingAt]) -> Finding:
         """The events after which the machine gives up; a warning where too few failures do it."""
@@ -217,11 +255,12 @@ class Findings:
         one = len(ending) == 1
         broken = fewest is not None and fewest <= self.tolerate and self.tolerate > 0
         what = count(len(ending), "failure" if failures else "outcome")
+        least = ("fewest",) in self.answers.may
         message = f"{what} {terms.ends_it[0 if one else 1]} ({where}: {terms.unguarded}); "
-        message += f"{fewest_words(fewest, terms, failures=failures)}"
+        message += fewest_words(fewest, terms, failures=failures, at_least=least)
         if broken:
             message += f", but --tolerate {self.tolerate} requires more"
-        return rule("GP302").finding(
+        finding = rule("GP302").finding(
             message,
             self.plan.location(elements[0]),
             severity=Severity.WARNING if broken else Severity.INFO,
@@ -233,12 +272,14 @@ class Findings:
                 "GP302", self.answers.with_fewest or self.answers.shown[GAVE_UP]
             ),
         )
+        doubted = any(("dangling", each.signal) in self.answers.may for each in ending)
+        return finding.as_may() if doubted else finding
 
     def _waiting(self) -> Iterator[Finding]:
         for each in self.answers.waiting:
             element = self._element(each.node)
             closing = () if each.loop else (Statement.STUCK,) * (each.effect == "stuck")
-            yield rule("GP303").finding(
+            finding = rule("GP303").finding(
                 f"the join {self._name(element)} can receive some of its inputs and wait for the "
                 f"others for ever: {_WAITS[each.effect]}",
                 self.plan.location(element),
@@ -246,24 +287,26 @@ class Findings:
                 hint="stop the join where a new round begins, or connect what can happen instead",
                 scenario=self._scenario("GP303", each.shown, *closing, loop=each.loop),
             )
+            yield self._weighed(finding, "waiting", each.node)
 
     def _orphans(self) -> Iterator[Finding]:
         for number, run in self.answers.orphans:
             element = self.plan.runners[number]
             left = Sentence(Statement.LEFT_RUNNING, arguments=(place(element),))
-            yield rule("GP311").finding(
+            finding = rule("GP311").finding(
                 f"the machine can complete while {place(element)} is still active",
                 self.plan.location(element),
                 hint="connect the event that completes the machine to it with the action stop",
                 scenario=self._scenario("GP311", run, left),
             )
+            yield self._weighed(finding, "orphan", number)
 
     def of_overlaps(self, overlaps: Iterable[Overlap]) -> Iterator[Finding]:
         """The findings about runners that hold one resource at once."""
         for each in overlaps:
             first, second = self.plan.runners[each.first], self.plan.runners[each.second]
             resource = clip(each.resource, _MAX_NAME)
-            yield rule("GP501").finding(
+            finding = rule("GP501").finding(
                 f"{place(first)} and {place(second)} can be active at the same time, but both "
                 f"need exclusive use of the {resource}",
                 self.plan.location(first),
@@ -276,6 +319,7 @@ class Findings:
                     then=each.then,
                 ),
             )
+            yield finding if each.sure else finding.as_may()
 
     def _element(self, node: int) -> Element:
         return self.plan.elements[self.automaton.nodes[node].origin]
@@ -382,6 +426,14 @@ def answers_for_tree(answers: Answers, automaton: Automaton) -> Answers:
 class TreeFindings(Findings):
     """The findings about one tree."""
 
+    def _cause(self, element: Element) -> str:
+        pruned = self.plan.pruned if isinstance(self.plan, TreeMachine) else ()
+        for each in pruned:
+            if each.spot == element.spot:
+                verb = "fails" if each.fails else "succeeds"
+                return f": {each.before} at {each.location.words} never {verb}"
+        return ""
+
     def _severity_of_never(self) -> Severity | None:
         """A tree that goes round for ever is mostly meant to."""
         return Severity.INFO if self._goes_on() else None
@@ -406,7 +458,7 @@ class TreeFindings(Findings):
                 if loop.trap
                 else f"this loop runs for ever if the same outcomes repeat: {names}"
             )
-            yield rule(code).finding(
+            finding = rule(code).finding(
                 message,
                 self.plan.location((acting or elements)[0]),
                 severity=Severity.INFO,
@@ -415,6 +467,7 @@ class TreeFindings(Findings):
                     code, loop.lasso.prefix, Statement.FOR_EVER, loop=loop.lasso.loop
                 ),
             )
+            yield self._weighed(finding, "loop", loop.trap, frozenset(loop.runners))
 
 
 def _once(elements: list[Element]) -> list[Element]:

@@ -11,10 +11,11 @@ from __future__ import annotations
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.analysis.machines.exact import ExactPart
 from gpsfsm.compile.instants import GOING, bits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from gpsfsm.analysis.machines.decide import Run
     from gpsfsm.analysis.machines.search import Exploration, Step
@@ -28,6 +29,7 @@ class Overlap(NamedTuple):
     """Two instances, by number, that hold a resource at once after the steps ``shown``.
 
     ``then``: the fewest steps to an end or a standstill from there; () also if there is none.
+    ``sure``: the run is exact (semantics, 9.6).
     """
 
     first: int
@@ -35,6 +37,18 @@ class Overlap(NamedTuple):
     resource: str
     shown: Run
     then: Run
+    sure: bool = True
+
+
+def weighed_overlaps(
+    exploration: Exploration, bindings: Sequence[Binding | None], inexact: Collection[int]
+) -> tuple[Overlap, ...]:
+    """As ``overlaps_in``, with exact runs where there are any."""
+    overlaps = overlaps_in(exploration, bindings)
+    if not (inexact and overlaps):
+        return overlaps
+    exact = {each[:3]: each for each in overlaps_in(ExactPart(exploration, inexact), bindings)}
+    return tuple(exact.get(each[:3], each._replace(sure=False)) for each in overlaps)
 
 
 def held_twice(bindings: Sequence[Binding | None]) -> dict[str, int]:

@@ -233,14 +233,18 @@ class Exploration:
         """The components in which runs can stay for ever."""
         return [each for each in self.components(part) if self.just(each)]
 
-    def fair(self, components: Iterable[Steps]) -> bool:
-        """True if a fair run can stay in one of these components for ever."""
+    def fair(self, components: Iterable[Steps], inexact: Collection[int] = ()) -> bool:
+        """True if a fair run can stay in one of these components for ever.
+
+        Nobody knows which outcomes the ``inexact`` runners really have, so that they need not have
+        all of them.
+        """
         pending = list(components)
         while pending:
             component = pending.pop()
             if not self.just(component):
                 continue
-            unfair = self._unfair(component)
+            unfair = self._unfair(component) - set(inexact)
             if not unfair:
                 return True
             pending += self.components(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from gpsfsm.analysis.rules.base import Rule, control, go, machine, plan, say
 from gpsfsm.model.finding import Severity
 
+_LOOSE = "warning in a behaviour tree that BehaviorTree.CPP loads all the same"
+
 RULES = (
     Rule(
         code="GP101",
@@ -22,6 +24,7 @@ RULES = (
             'correct the text at the marked place. In attribute values, write "&" as "&amp;" and '
             '"<" as "&lt;"'
         ),
+        severities=_LOOSE,
         bad=plan(go(2.0, -0.5), say("Lab & office checked")),
         good=plan(go(2.0, -0.5), say("Lab &amp; office checked")),
     ),
@@ -133,6 +136,7 @@ RULES = (
             "remove the text, or make it a comment: <!-- … -->. Check a language model's raw "
             "answer with --from-response"
         ),
+        severities=_LOOSE,
         bad=plan(go(2.0, -0.5), "then announce it:", say("Hall checked.")),
         good=plan(go(2.0, -0.5), "<!-- then announce it: -->", say("Hall checked.")),
     ),
@@ -302,5 +306,20 @@ RULES = (
                 control("recovery", go(0.0, 0.0)),
             )
         ),
+    ),
+    Rule(
+        code="GP119",
+        name="construct-not-read",
+        severity=Severity.INFO,
+        summary="Something in the file was skipped, or a value that the file lacks was assumed.",
+        why=(
+            "gpsfsm has no use for these constructs: they belong to another tool, or do not affect "
+            "what runs when. The verdict says nothing about them. If one of them was meant to have "
+            "an effect, such as an attribute with a misspelt name, it has none."
+        ),
+        fix="nothing, unless one of them was meant to have an effect: correct its name then",
+        bad=machine("drive SUCCEEDED end").replace('"kind": "start"', '"kind": "start", "hue": 3'),
+        good=machine("drive SUCCEEDED end"),
+        spread=True,
     ),
 )

@@ -22,17 +22,20 @@ if TYPE_CHECKING:
 def _find_unreachable(context: Context) -> Iterator[Finding]:
     """One finding per place where the plan is cut off, with all runners behind it."""
     units = context.units
+    trees = context.plan.vocabulary is Vocabulary.TREE
     for unit in context.unreached_roots:
         parent = units.parents[unit]
-        if parent < 0 or units.kinds[parent] is UnitKind.GUARD:
+        guard = parent >= 0 and units.kinds[parent] is UnitKind.GUARD
+        if parent < 0 or (guard and not trees):
             continue  # GP307 and GP308 name the cause
         cut_off = [unit]
-        cause = "what comes before it never succeeds"
-        if units.kinds[parent] is UnitKind.SEQUENCE and units.positions[unit]:
+        verb = "fails" if guard else "succeeds"
+        cause = f"what comes before it never {verb}"
+        if (guard or units.kinds[parent] is UnitKind.SEQUENCE) and units.positions[unit]:
             before = units.children[parent][units.positions[unit] - 1]
             if not context.reached[before]:
                 continue  # told already, with the unit before
-            cause = f"{context.place(context.element_of(before))} never succeeds"
+            cause = f"{context.place(context.element_of(before))} never {verb}"
             cut_off = list(units.children[parent][units.positions[unit] :])
         runners = [number for other in cut_off for number in context.runners_in(other)]
         if runners:

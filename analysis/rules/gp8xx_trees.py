@@ -229,16 +229,18 @@ RULES = (
         code="GP816",
         name="approximated-node",
         severity=Severity.INFO,
-        summary="The automaton has all runs of the tree, and perhaps others.",
+        summary="The automaton has all runs of the tree or machine, and perhaps others.",
         why=(
-            "The next step depends on a blackboard value, a clock or the number of rounds of a "
-            "long loop, none of which gpsfsm knows. The automaton allows every choice there. So "
-            "what is reported as impossible is proved to be so, but what is reported as possible "
-            "may need values that never occur together."
+            "The next step depends on something that gpsfsm does not know, such as a blackboard "
+            "value, a clock, the code of a state or the number of rounds of a long loop. The "
+            "automaton allows every choice there. So what is reported as impossible is proved to "
+            "be so. What happens in a run without these constructs is proved, too; anything else "
+            "that is reported may need values that never occur together, so it is at most a "
+            "warning, with the confidence `may`, and leaves the gate undecided."
         ),
         fix=(
             "nothing, unless a reported scenario cannot happen with the actual values; "
-            "docs/behaviour-trees.md lists the nodes"
+            "docs/reliability.md lists the constructs"
         ),
         bad=tree('<Timeout msec="5000"><DriveHome/></Timeout>'),
         good=tree("<DriveHome/>"),

@@ -16,6 +16,7 @@ from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
 from gpsfsm.analysis.words import listed
 from gpsfsm.capabilities.dialects import in_dialect
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
+from gpsfsm.checking.approximations import approximation_findings
 from gpsfsm.checking.includes import includes_of
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from gpsfsm.compile.units import TreeMachine
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
+    from gpsfsm.model.precision import Approximation
     from gpsfsm.model.tree import Forest
     from gpsfsm.syntax.trees import Includes
     from gpsfsm.tasks.task import Task
@@ -102,6 +104,7 @@ class _Progress:
     context: Context | None = None
     proof: Proof | None = None
     forest: Forest | None = None
+    approximations: list[Approximation] = field(default_factory=list)
 
     def fail(self, code: str, message: str, *, hint: str = "") -> None:
         """Record why there is no verdict."""
@@ -230,6 +233,7 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
     progress = _Progress([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
     progress.undecided = parsed.over_limit or parsed.lost
     progress.forest = parsed.forest
+    progress.approximations = [*parsed.approximations]
     if parsed.plan is not None and options.decides:
         _decide(parsed.plan, options, progress)
     on_engine: EngineFindings | GpsfsmError | None = None
@@ -304,6 +308,8 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
         coarser = _decide_machine(compiled, constraints, check, progress)
         if coarser is not None:
             _decide(coarser, check, progress)
+        else:
+            progress.approximations += plan.approximations
         return
     from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.decide import decide
@@ -371,7 +377,6 @@ def _decide_machine(
 
 def _with_loops(plan: Plan, progress: _Progress) -> TreeMachine | None:
     """The machine of a behaviour tree in which no loop is written out; None if that is the same."""
-    from gpsfsm.compile.plan_text import approximated
     from gpsfsm.compile.tree_machine import machine_of_tree
     from gpsfsm.compile.units import TreeMachine
 
@@ -380,11 +385,6 @@ def _with_loops(plan: Plan, progress: _Progress) -> TreeMachine | None:
     coarser = machine_of_tree(progress.forest, (0,))
     if coarser is None or len(coarser.runners) >= len(plan.runners):
         return None
-    for each in approximated(coarser, plan.approximated):
-        message = (
-            f"{each.message}: if rounds are counted there, its runs reach too many configurations"
-        )
-        progress.findings.append(rule(each.rule).finding(message, each.location, hint=each.hint))
     return coarser
 
 
@@ -505,6 +505,9 @@ def _require_proof(progress: _Progress) -> None:
 
 
 def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progress) -> PlanReport:
+    approximations = tuple(sorted(progress.approximations, key=lambda each: each.location.order))
+    terms = (Vocabulary.PLAN if parsed.plan is None else parsed.plan.vocabulary).terms
+    progress.findings += approximation_findings(approximations, terms)
     verdict = Verdict.ACCEPTED
     if any(finding.severity is Severity.ERROR for finding in progress.findings):
         verdict = Verdict.REJECTED
@@ -527,6 +530,7 @@ def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progres
         suppressed=tuple(_ordered([*suppressed, *also, *hidden])),
         source=None if parsed.foreign else parsed.text,
         included=parsed.included,
+        approximations=approximations,
         notes=(*parsed.notes, *_task_notes(options)),
         machine=parsed.machine,
     )

@@ -22,7 +22,7 @@ from gpsfsm.analysis.machines.findings import (
 from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, SECOND_OPINION, InconclusiveError
-from gpsfsm.compile.units import TreeMachine
+from gpsfsm.compile.units import MachinePlan, TreeMachine
 from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import Tie
 from gpsfsm.model.capability import OWN
@@ -117,13 +117,19 @@ def decide_machine(
         return DecidedMachine(None, contradictory=True)
     try:
         exploration = Exploration(compiled.automaton, allowed, ties=ties, limit=MAX_CONFIGURATIONS)
-        answers = Judge(exploration).facts()
+        answers = Judge(exploration, inexact_nodes(compiled.automaton)).facts()
     except InconclusiveError:
         reason = f"the runs of the machine reach more than {MAX_CONFIGURATIONS:,} configurations"
         hint = "check its parts as machines of their own"
         return DecidedMachine(None, reason=reason, hint=hint, too_large=True)
     unproved = _proof(exploration, answers, options)
     return _reported(answers, compiled, options, unproved)
+
+
+def inexact_nodes(automaton: Automaton) -> frozenset[int]:
+    """The nodes of a machine that stand for constructs which were over-approximated."""
+    plan = automaton.plan
+    return plan.inexact if isinstance(plan, MachinePlan) else frozenset()
 
 
 def tied(
@@ -231,10 +237,14 @@ def _by_scenarios(
         return None
     if answers is None:
         return None
+    inexact = inexact_nodes(compiled.automaton)
+    answers = answers.without_exact_runs() if inexact else answers
     if not constraints.groups and not constraints.formulas:
+        limit = MAX_CONFIGURATIONS if inexact else ALSO_EXPLORED
         try:
-            exploration = Exploration(compiled.automaton, constraints.allowed, limit=ALSO_EXPLORED)
-            second = Judge(exploration).facts()  # which looks at what other outcomes lead to, too
+            exploration = Exploration(compiled.automaton, constraints.allowed, limit=limit)
+            # It looks for exact runs, and at what other outcomes lead to.
+            second = Judge(exploration, inexact).facts()
         except InconclusiveError:
             pass
         else:
@@ -260,6 +270,7 @@ def _without_runs(answers: Answers) -> Answers:
         shown={},
         configurations=0,
         with_fewest=(),
+        may=frozenset(),
     )
 
 
@@ -285,13 +296,14 @@ def overlap_findings(
 
     Raises InconclusiveError if the runs reach too many configurations for that.
     """
-    from gpsfsm.analysis.machines.overlaps import held_twice, overlaps_in
+    from gpsfsm.analysis.machines.overlaps import held_twice, weighed_overlaps
 
     if not held_twice(compiled.bindings):
         return ()
     allowed, ties = tied(compiled.automaton, constraints)
     exploration = Exploration(compiled.automaton, allowed, ties=ties)
-    overlaps = overlaps_in(exploration, compiled.bindings)
+    inexact = inexact_nodes(compiled.automaton)
+    overlaps = weighed_overlaps(exploration, compiled.bindings, inexact)
     return Findings(None, compiled.automaton, options.max_scenarios).of_overlaps(overlaps)
 
 

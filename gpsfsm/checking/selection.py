@@ -137,7 +137,7 @@ def _meant(suppression: Suppression) -> tuple[dict[str, str], list[str]]:
     return codes, wrong
 
 
-_VERSIONS = (1, 2)
+_VERSIONS = (1, 2, 3)
 _COMMENT = "comment"
 _MAX_BYTES = 1 << 29
 

@@ -40,6 +40,7 @@ class GateValues(CheckValues, FailValues):
     task: str | None
     allow_empty: bool
     allow_trees: bool = False
+    allow_approximated: bool = False
     budget_ms: int
     memory_mb: int
     allow_host: Sequence[str]
@@ -67,6 +68,7 @@ class GateValues(CheckValues, FailValues):
             fail_on=severity_of(self.fail_on) or Severity.ERROR,
             allow_suppressions=self.allow_suppressions,
             allow_empty=self.allow_empty,
+            allow_approximated=self.allow_approximated,
         )
 
     def refuse_idle(self) -> None:
@@ -134,7 +136,10 @@ _STRICTNESS = (
 def strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is refused."""
     trees = declare("--allow-trees", is_flag=True, common=True, help="Accept behaviour trees too.")
-    return apply((*_STRICTNESS[:4], trees, *_STRICTNESS[4:]), command, "What is refused")
+    text = "Accept errors that only an over-approximation has."
+    approximated = declare("--allow-approximated", is_flag=True, help=text)
+    rows = (*_STRICTNESS[:4], trees, approximated, *_STRICTNESS[4:])
+    return apply(rows, command, "What is refused")
 
 
 def plan_strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:

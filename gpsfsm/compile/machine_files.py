@@ -13,6 +13,7 @@ import json
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.compile.formats.elements import Elements
 from gpsfsm.compile.machines import MALFORMED, Place, machine_of, shown, written
 from gpsfsm.compile.units import MachinePlan, TreeMachine
 from gpsfsm.errors import InputError
@@ -24,7 +25,7 @@ from gpsfsm.model.plan import Location
 from gpsfsm.strict_json import strict_loads
 from gpsfsm.syntax import Parsed
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits, read_source
-from gpsfsm.syntax.text import Lines
+from gpsfsm.syntax.text import Lines, root_name
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -33,14 +34,12 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.automaton import Automaton
 
-_GRAPHML = pattern(
-    r"\s*(?:<\?xml[^>]*\?>\s*|<!--.*?-->\s*"
-    r"|<!DOCTYPE[^>\[]{0,1000}(?:\[[^\]]{0,1000}\]\s*)?>\s*)*<graphml\b"
-)
-"""The beginning of GraphML; a DOCTYPE is part of it, and is refused."""
+_JSON = pattern(r"\s*+\{")
+_START = pattern(r'"id"\s*+:\s*+"__start__"')
+_NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
 _BLANK = pattern(r"[ \t\r\n]*")
 _ROWS = pattern(r'"nodes"[ \t\r\n]*:[ \t\r\n]*\[')
-_TAGS = pattern(r"<node\b[^>]*?\bid=(?:\"([^\"]*)\"|'([^']*)')[^>]*>")
+_TAGS = pattern(r"<(?:\w+:)?node\b[^>]*?\bid=(?:\"([^\"]*)\"|'([^']*)')[^>]*>")
 
 
 def read_machine(
@@ -54,7 +53,7 @@ def read_machine(
     if text is None or not _is_machine(text):
         return None
     try:
-        graph, places = _from_json(text) if text.lstrip()[:1] == "{" else _from_graphml(text)
+        graph, places = _from_json(text) if is_json(text) else _from_graphml(text)
     except _TextError as fault:
         line, column = Lines(text).position(fault.offset)
         problem = Problem(MALFORMED, str(fault), Location(line, column, "/machine"), fault.hint)
@@ -64,7 +63,8 @@ def read_machine(
         hint = "raise --max-elements if the machine is meant to be that large"
         problem = Problem("GP103", message, Location(1, 1, "/machine"), hint)
         return Parsed(file, text, None, (problem,), over_limit=True, machine=True)
-    machine, problems = machine_of(graph, file=file, places=places)
+    skipped = () if is_json(text) else Elements(text, limits, _NAMESPACE).skipped
+    machine, problems = machine_of(graph, file=file, places=places, approximations=skipped)
     return Parsed(file, text, machine, problems, machine=True)
 
 
@@ -78,9 +78,19 @@ def graph_from_json(text: str) -> nx.MultiDiGraph[Any]:
 
 
 def _is_machine(text: str) -> bool:
-    if text.lstrip()[:1] == "{":
-        return '"nodes"' in text and '"edges"' in text and '"__start__"' not in text
-    return _GRAPHML.match(text) is not None
+    if is_json(text):
+        return '"nodes"' in text and '"edges"' in text and not has_start(text)
+    return root_name(text).rpartition(":")[2] == "graphml"
+
+
+def is_json(text: str) -> bool:
+    """True for what begins as a JSON object."""
+    return _JSON.match(text) is not None
+
+
+def has_start(text: str) -> bool:
+    """True if there is a node ``__start__`` in JSON: LangGraph begins at this one."""
+    return _START.search(text) is not None
 
 
 class _TextError(InputError):
@@ -133,7 +143,8 @@ def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
         for name in ends:
             if name not in places:
                 raise _TextError(f"a connection names the node {shown(name)}, which does not exist")
-        data = {"event": row.get("event"), "action": row.get("action", "trigger")}
+        data = {key: row[key] for key in row if key not in ("source", "target", "key")}
+        data |= {"event": row.get("event"), "action": row.get("action", "trigger")}
         graph.add_edge(*ends, number, **data)
     return graph, places
 

@@ -29,16 +29,25 @@ from gpsfsm.model.plan import (
     Value,
     sharing_lines,
 )
+from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     import networkx as nx
 
 
 MALFORMED = "GP117"
 _LONGEST_NAME = 200
+_OF_NODES = frozenset(
+    {"kind", "need", "interface", "provider", "parameters", "name", "origin", "element"}
+    | {"line", "column"}
+)
+"""The attributes of nodes that have a meaning, and those that our own graphs have besides."""
+_OF_EDGES = frozenset({"event", "action"})
+_MARKS: Any = object()
+"""The attribute with the marks of a node: no file can write it."""
 _ENDS = (NodeKind.COMPLETE, NodeKind.GIVE_UP)
 
 
@@ -63,17 +72,32 @@ def machine_of(
     *,
     file: str = "<graph>",
     places: Mapping[Hashable, Place] | None = None,
+    approximations: Iterable[Approximation] = (),
 ) -> ReadMachine:
     """The machine of a graph of networkx (docs/machines.md), or what is wrong with the graph.
 
-    ``places``: the places of the nodes in the file that the graph comes from.
+    ``places``: the places of the nodes in the file that the graph comes from. ``approximations``:
+    what its reader says of other constructs than those of the nodes that it has marked (``mark``).
     """
-    return _Reader(graph, file, places or {}).read()
+    return _Reader(graph, file, places or {}, tuple(approximations)).read()
+
+
+def mark(graph: nx.Graph[Any], name: Hashable, *approximations: Approximation) -> None:
+    """Mark a node of a graph: runs through it may be none of the file, because of these."""
+    data = graph.nodes[name]
+    data[_MARKS] = (*data.get(_MARKS, ()), *approximations)
 
 
 class _Reader:
-    def __init__(self, graph: nx.Graph[Any], file: str, places: Mapping[Hashable, Place]) -> None:
+    def __init__(
+        self,
+        graph: nx.Graph[Any],
+        file: str,
+        places: Mapping[Hashable, Place],
+        approximations: tuple[Approximation, ...],
+    ) -> None:
         self.graph = graph
+        self.approximations = approximations
         self.file = file
         self.places = places
         self.whole = Place(1, 1) if places else Place()
@@ -114,7 +138,18 @@ class _Reader:
 
     # -- nodes ------------------------------------------------------------------------------
 
+    def _skip(self, name: Hashable, what: str, attributes: Iterable[object]) -> None:
+        """Attributes without a meaning are skipped, and reported."""
+        place = self.places.get(name, Place())
+        location = Location(place.line, place.column, clip(f"/machine/{name}", _LONGEST_NAME))
+        self.approximations += tuple(
+            Approximation(Reading.SKIPPED, f"{what} {shown(each)}", location, Cause.NO_MEANING)
+            for each in attributes
+            if each is not _MARKS
+        )
+
     def _node(self, name: Hashable, data: Mapping[str, Any]) -> None:
+        self._skip(name, "attribute", (each for each in data if each not in _OF_NODES))
         if not str(name) or len(str(name)) > _LONGEST_NAME:
             self.fault(name, "has no usable name", f"name it in 1 to {_LONGEST_NAME} characters")
         try:
@@ -175,6 +210,8 @@ class _Reader:
         stops: list[tuple[Any, Event, Any]] = []
         for source, target, data in self._in_order():
             kinds = self.kinds.get(source), self.kinds.get(target)
+            unread = (each for each in data if each not in _OF_EDGES)
+            self._skip(source, "attribute of a connection", unread)
             try:
                 event, action = (
                     Event(str(data.get("event"))),
@@ -286,6 +323,8 @@ class _Reader:
             tuple(Edge(number[source], event, number[target]) for source, event, target in each)
             for each in (edges, stops)
         ]
+        marks = {name: self.graph.nodes[name].get(_MARKS, ()) for name in self.kinds}
+        marked = tuple(each for row in marks.values() for each in row)
         return MachinePlan(
             self.file,
             sharing_lines(elements),
@@ -293,6 +332,8 @@ class _Reader:
             nodes=tuple(nodes),
             edges=connections[0],
             stops=connections[1],
+            approximations=tuple(dict.fromkeys((*self.approximations, *marked))),
+            inexact=frozenset(number[name] for name, row in marks.items() if row),
         )
 
 

@@ -17,12 +17,13 @@ at the end. A loop passes through an outcome: where nothing in the body has one,
 
 *What is not known* (a value, a clock, how often a bounded loop has gone round) is a choice
 (``model/capability.py``): the machine has all runs that the tree has, and perhaps more. So what it
-never does the tree never does. ``TreeMachine.approximated`` are the nodes of which that is true.
+never does the tree never does. ``MachinePlan.inexact`` are the choices, and all else of which that
+is true.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.compile import tree_reactive, tree_rows
@@ -40,13 +41,16 @@ from gpsfsm.compile.tree_parts import (
     joined,
 )
 from gpsfsm.compile.tree_reactive import other
+from gpsfsm.compile.tree_scripts import AFTERWARDS, reads_blackboard
 from gpsfsm.compile.tree_ties import question
 from gpsfsm.compile.trees import EMPTY_SCOPE, leaf_attributes, scope_of
+from gpsfsm.compile.units import Pruned
 from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.precision import Cause
 from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Builtin, Meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from gpsfsm.compile.tree_ties import Question
     from gpsfsm.compile.units import TreeMachine
@@ -62,6 +66,15 @@ _CONDITIONS = ("_failureIf", "_successIf", "_skipIf")
 _WHILE = "_while"
 _KEEPING = (Meaning.SINGLE_TRIGGER, Meaning.GATE, Meaning.PASS, Meaning.MAYBE)
 """Nodes that, in some release, do not reset their child when it has ended."""
+_ROWS = {
+    Meaning.SEQUENCE: False,
+    Meaning.MEMORY: False,
+    Meaning.REACTIVE_SEQUENCE: False,
+    Meaning.FALLBACK: True,
+    Meaning.FALLBACK_MEMORY: True,
+    Meaning.REACTIVE_FALLBACK: True,
+}
+"""Nodes that go on to the next child; True if its failure leads there."""
 _PLAIN = {
     Meaning.SEQUENCE,
     Meaning.REACTIVE_SEQUENCE,
@@ -106,7 +119,50 @@ class Compiler(Parts):
         top = self.forest.nodes[self.forest.main]
         self.parts.append(Part(NodeKind.START, top))
         ends = self.compile(Visit(self.only_child(top), (0,), EMPTY_SCOPE))
-        return self.numbered(top, ends)
+        leaves = self.unentered(top)
+        for leaf in leaves:
+            self.leaf(leaf, Visit(leaf.index, (), EMPTY_SCOPE))
+        causes = (self.cause(leaf, {each.index for each in leaves}) for leaf in leaves)
+        pruned = tuple(each for each in causes if each is not None)
+        return replace(self.numbered(top, ends), pruned=pruned)
+
+    def cause(self, leaf: TreeNode, unentered: Collection[int]) -> Pruned | None:
+        """The node before a leaf that never lets it come, if it stands in a row with it."""
+        node = leaf
+        while node.parent >= 0:
+            around = self.forest.nodes[node.parent]
+            position = around.children.index(node.index)
+            before = around.children[position - 1] if position else -1
+            if position and before not in unentered:
+                builtin = self.builtin(around, around.identity)
+                if builtin is None or builtin.meaning not in _ROWS:
+                    return None
+                other = self.forest.nodes[before]
+                fails = _ROWS[builtin.meaning]
+                return Pruned((leaf.file, leaf.start), other.identity, other.location, fails)
+            node = around
+        return None
+
+    def unentered(self, top: TreeNode) -> list[TreeNode]:
+        """The leaves below a tree that no event enters: nothing was compiled for them."""
+        leaves: list[TreeNode] = []
+        pending, seen = list(top.children), set[int]()
+        while pending:
+            node = self.forest.nodes[pending.pop()]
+            if node.index in seen:
+                continue
+            seen.add(node.index)
+            builtin = self.builtin(node, node.identity)
+            tree = self.tree_of(node, node.identity)
+            if builtin is not None and builtin.meaning is Meaning.SUBTREE:
+                tree = self.forest.trees.get(node.text("ID"), -1)
+            if tree >= 0:
+                pending += self.forest.nodes[tree].children
+            pending += node.children
+            is_leaf = tree < 0 if builtin is None else builtin.meaning is Meaning.LEAF
+            if is_leaf and not node.children and node.index not in self.uses:
+                leaves.append(node)
+        return sorted(leaves, key=lambda leaf: leaf.index)
 
     def only_child(self, node: TreeNode) -> int:
         """The child of a node that has one; raises BlockedError for all others."""
@@ -142,27 +198,39 @@ class Compiler(Parts):
         early: list[Ends] = []
         enter = visit.enter
         self.ties.around(node, visit.scope)
+        enter = self.evaluated(node, "_onHalted", enter)  # as if it threw at once, when it throws
         for name in _CONDITIONS:
             if node.attribute(name):
+                enter = self.evaluated(node, name, enter)
                 about = question(node.text(name), visit.scope)
                 chosen = self.choice(node, f"{name}: {node.text(name)}", enter, about)
                 enter = chosen.failure
                 early.append(ends_at(name, chosen.success))
         if not node.attribute(_WHILE):
             ends = yield from self.node(node, visit._replace(enter=enter))
-            whole = all_of((*early, ends))
+            whole = self.afterwards(node, all_of((*early, ends)))
             self.ties.after(node, visit.scope, whole.all, len(self.parts))
             return whole
         of, about = f"{_WHILE}: {node.text(_WHILE)}", question(node.text(_WHILE), visit.scope)
-        first = self.choice(node, of, enter, about)
+        first = self.choice(node, of, self.evaluated(node, _WHILE, enter), about)
         begin = len(self.parts)
         ends = yield from self.node(node, visit._replace(enter=first.success, beside=True))
         ended = self.watched(node, of, first.success, begin, ends, about=about)
-        whole = all_of((*early, ends, Ends(skipped=joined(first.failure, ended))))
+        skipped = Ends(skipped=joined(first.failure, ended))
+        whole = self.afterwards(node, all_of((*early, ends, skipped)))
         self.ties.after(
             node, visit.scope, whole.all, len(self.parts)
         )  # a condition that decides counts as an end
         return whole
+
+    def afterwards(self, node: TreeNode, ends: Ends) -> Ends:
+        """The ends of a node, after its scripts about these."""
+        for name in AFTERWARDS:
+            if name != "_onFailure":
+                ends = ends._replace(success=self.evaluated(node, name, ends.success))
+            if name != "_onSuccess":
+                ends = ends._replace(failure=self.evaluated(node, name, ends.failure))
+        return ends
 
     def watched(
         self,
@@ -179,7 +247,8 @@ class Compiler(Parts):
         if end == begin:
             return ()
         port = self.port(enter)
-        watch = self.choice(node, of, (port,), about)
+        name = of.partition(":")[0]
+        watch = self.choice(node, of, self.evaluated(node, name, (port,)), about)
         self.back(node, port, watch.success)
         self.stop(watch.failure, begin, end)
         self.stop(ends.all, end, len(self.parts))
@@ -227,8 +296,7 @@ class Compiler(Parts):
         if meaning is Meaning.LEAF:
             return self.leaf(node, visit)
         if meaning is Meaning.SUCCEED:
-            self.ties.set(node, visit.scope, visit.enter, len(self.parts))
-            return Ends(success=visit.enter)
+            return self.written(node, visit)
         if meaning is Meaning.FAIL:
             return Ends(failure=visit.enter)
         if meaning is Meaning.SUBTREE:
@@ -238,8 +306,20 @@ class Compiler(Parts):
             return (yield from self.subtree(node, tree, visit))
         return (yield from COMPILERS[meaning](self, node, visit))
 
+    def written(self, node: TreeNode, visit: Visit) -> Ends:
+        """A node that writes to the blackboard at once, or does nothing."""
+        enter, failure = self.evaluated(node, "code", visit.enter), Signals()
+        if enter and reads_blackboard(node):
+            exists = self.choice(node, "there is such an entry", enter, cause=Cause.THROWS)
+            self.thrown += exists.failure
+            chosen = self.choice(node, f"{node.text('value')} is not empty", exists.success)
+            enter, failure = chosen.success, chosen.failure
+        self.ties.set(node, visit.scope, enter, len(self.parts))
+        return Ends(success=enter, failure=failure)
+
     def leaf(self, node: TreeNode, visit: Visit) -> Ends:
         """A leaf, which ends by its outcomes."""
+        visit = visit._replace(enter=self.evaluated(node, "code", visit.enter))
         self.uses[node.index] = self.uses.get(node.index, 0) + 1
         attributes = leaf_attributes(node, visit.scope, self.uses[node.index])
         self.ties.leaf(len(self.parts), node, visit.scope)
@@ -270,6 +350,8 @@ class Compiler(Parts):
         node, flips, forced = self.forest.nodes[index], False, None
         while True:
             if any(each.name in (*_CONDITIONS, _WHILE) for each in node.attributes):
+                return None
+            if self.scripts.node_may_throw(node):
                 return None
             builtin = self.builtin(node, node.identity)
             meaning = None if builtin is None else builtin.meaning

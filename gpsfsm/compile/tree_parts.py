@@ -16,12 +16,14 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.compile.tree_scripts import Scripts
 from gpsfsm.compile.tree_ties import Question, Ties
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.model.automaton import Edge, Node, NodeKind
 from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Attribute, Element, Kind
+from gpsfsm.model.precision import Approximation, Cause, Reading
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,6 +38,7 @@ Signals = tuple[int, ...]
 """Events: that of a node is ``4 * node + event``; -1, -2, … are ports."""
 
 _EVENTS = (Event.SUCCEEDED, Event.FAILED)
+_STATUSES = ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING")
 
 
 class Ends(NamedTuple):
@@ -100,6 +103,12 @@ def ends_at(condition: str, signals: Signals) -> Ends:
     return Ends(success=signals) if condition == "_successIf" else Ends(skipped=signals)
 
 
+def _construct(node: TreeNode, of: str) -> str:
+    """The construct that a choice stands for: a condition among the attributes, else the node."""
+    name = of.partition(":")[0]
+    return name if name.startswith("_") else node.identity
+
+
 class Part(NamedTuple):
     """A node of the machine, before all are numbered."""
 
@@ -119,12 +128,16 @@ class Parts:
     edges: list[tuple[Signals, int]] = field(default_factory=list)
     stops: list[tuple[Signals, int]] = field(default_factory=list)
     ports: list[Signals] = field(default_factory=list)
-    approximated: dict[int, TreeNode] = field(default_factory=dict)
+    approximations: dict[tuple[int, str], Approximation] = field(default_factory=dict)
+    inexact: set[int] = field(default_factory=set)  # parts that the tree may have no run through
     runners: int = 0
+    thrown: list[int] = field(default_factory=list)  # events by which an exception ends the tree
     ties: Ties = field(init=False)
+    scripts: Scripts = field(init=False)
 
     def __post_init__(self) -> None:
         self.ties = Ties(self.forest.models or {})
+        self.scripts = Scripts.of(self.forest)
 
     def runner(self, node: TreeNode, attributes: tuple[Attribute, ...], enter: Signals) -> Ends:
         """A runner that these events trigger. Raises TooLargeError."""
@@ -137,12 +150,35 @@ class Parts:
         return Ends((4 * index,), (4 * index + 1,))
 
     def choice(
-        self, node: TreeNode, of: str, enter: Signals, about: Question | None = None
+        self,
+        node: TreeNode,
+        of: str,
+        enter: Signals,
+        about: Question | None = None,
+        *,
+        cause: Cause = Cause.VALUE,
     ) -> Ends:
         """Nobody knows: it holds (success) or it does not (failure)."""
-        self.approximated.setdefault(node.index, node)
         self.ties.ask(len(self.parts), about)
-        return self.own(node, CHOICE, enter, of)
+        ends = self.own(node, CHOICE, enter, of)
+        self.approximate(node, cause, len(self.parts) - 1, construct=_construct(node, of))
+        return ends
+
+    def approximate(self, node: TreeNode, cause: Cause, begin: int, *, construct: str = "") -> None:
+        """The parts from ``begin`` on may have runs that the tree does not have."""
+        construct = construct or node.identity
+        reading = Approximation(Reading.OVER, construct, node.location, cause)
+        self.approximations.setdefault((node.index, construct), reading)
+        self.inexact.update(range(begin, len(self.parts)))
+
+    def evaluated(self, node: TreeNode, name: str, enter: Signals) -> Signals:
+        """The events on which the script in an attribute has been evaluated without throwing."""
+        if not (enter and node.attribute(name) and self.scripts.may_throw(node.text(name))):
+            return enter
+        of = f"{name}: it does not throw"
+        chosen = self.choice(node, of, enter, cause=Cause.THROWS)
+        self.thrown += chosen.failure
+        return chosen.success
 
     def tick(self, node: TreeNode, enter: Signals) -> Signals:
         """A moment later."""
@@ -187,6 +223,11 @@ class Parts:
             return Ends()
         if name == "SUCCESS":
             return Ends(success=signals)
+        if name not in _STATUSES:  # it throws, unless a version takes that for FAILURE
+            name = "FAILURE"
+            chosen = self.choice(node, f"{status.strip()} is a status", signals, cause=Cause.THROWS)
+            self.thrown += chosen.failure
+            signals = chosen.success
         return Ends(skipped=signals) if name == "SKIPPED" else Ends(failure=signals)
 
     def is_outcome(self, signal: int) -> bool:
@@ -240,7 +281,10 @@ class Parts:
         )
         edges = self.resolved(
             [(signals, place[target]) for signals, target in self.edges]
-            + [(ends.success, complete), (joined(ends.failure, ends.skipped), give_up)],
+            + [
+                (ends.success, complete),
+                (joined(ends.failure, ends.skipped, tuple(self.thrown)), give_up),
+            ],
             place,
         )
         stops = self.resolved([(signals, place[target]) for signals, target in self.stops], place)
@@ -253,7 +297,8 @@ class Parts:
             edges=edges,
             stops=stops,
             ties=tuple(self.ties.all(place, self.meant)),
-            approximated=tuple(node.location for _, node in sorted(self.approximated.items())),
+            approximations=tuple(each for _, each in sorted(self.approximations.items())),
+            inexact=frozenset(place[each] for each in self.inexact),
         )
 
     def resolved(self, rows: list[tuple[Signals, int]], place: dict[int, int]) -> tuple[Edge, ...]:

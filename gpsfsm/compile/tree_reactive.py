@@ -24,6 +24,7 @@ from gpsfsm.compile.tree_parts import (
 )
 from gpsfsm.compile.tree_ties import ports_question
 from gpsfsm.compile.trees import number
+from gpsfsm.model.precision import Cause
 from gpsfsm.model.tree import Meaning, is_reference
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def _reactive(c: Compiler, node: TreeNode, visit: Visit, *, sequence: bool) -> S
         if not all(map(c.is_pure, earlier)):
             waits = c.port(entered)
             of = f"an earlier child of this {node.identity} runs again"
-            anew = c.choice(node, of, (waits,))
+            anew = c.choice(node, of, (waits,), cause=Cause.ORDER)
             c.back(node, waits, anew.failure)
             c.stop(anew.success, first, len(c.parts))
             c.stop(halted, watching, len(c.parts))
@@ -117,7 +118,7 @@ def _watching(
     """
     as_before: Signals = ()
     if not c.is_pure(child):
-        chosen = c.choice(node, "an earlier child answers as before", enter)
+        chosen = c.choice(node, "an earlier child answers as before", enter, cause=Cause.HISTORY)
         as_before, enter = chosen.success, chosen.failure
     return (yield visit._replace(node=child, enter=enter)), as_before
 
@@ -135,7 +136,8 @@ def _while_do_else(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     again = visit._replace(again=True, beside=True)
     chosen = yield visit._replace(node=node.children[0])
     sides = [c.port(chosen.success), c.port(chosen.failure)]
-    ends = [Ends(skipped=chosen.skipped)]
+    c.thrown += chosen.skipped  # "invalid status"
+    ends: list[Ends] = []
     for side in range(2):
         enter = (sides[side],)
         if side + 1 >= len(node.children):
@@ -159,8 +161,7 @@ def _while_do_else(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         )
         c.back(node, port, joined(same, as_before))
         c.stop(other, first, last)
-        c.stop(watch.skipped, first, last)
-        ends.append(Ends(skipped=watch.skipped))
+        c.thrown += watch.skipped
         c.stop(done.all, last, len(c.parts))
         c.back(node, sides[1 - side], other)
     return all_of(ends)
@@ -341,7 +342,6 @@ def _nonblocking(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 
 def _running_again(c: Compiler, node: TreeNode, visit: Visit, *, together: bool) -> Steps:
-    c.approximated.setdefault(node.index, node)
     begin = len(c.parts)
     entering, going = visit.enter, visit.enter
     failed: list[Signals] = []
@@ -358,15 +358,16 @@ def _running_again(c: Compiler, node: TreeNode, visit: Visit, *, together: bool)
             continue
         if c.is_constant(child):
             continue
-        port = c.port(going)
+        port, first = c.port(going), len(c.parts)
         more = yield visit._replace(node=child, enter=(port,), again=True, rerun=True, beside=True)
+        c.approximate(node, Cause.ORDER, first)
         c.back(node, port, joined(more.success, more.skipped))
         failed.append(more.failure)
     end = len(c.parts)
     success, failure = done[-1], joined(*failed)
     if together:  # all have to succeed in one tick, and some run again by then
         every = c.port((c.join(node, joined(*done), len(done), visit.enter),))
-        chosen = c.choice(node, "all children succeed at once", (every,))
+        chosen = c.choice(node, "all children succeed at once", (every,), cause=Cause.ORDER)
         c.back(node, every, chosen.failure)
         success = chosen.success
         end = len(c.parts)
@@ -380,7 +381,8 @@ def _timeout(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     end = len(c.parts)
     if begin == end:
         return ends
-    clock = c.choice(node, f"time is up ({node.text('msec')} ms)", visit.enter)
+    of = f"time is up ({node.text('msec')} ms)"
+    clock = c.choice(node, of, visit.enter, cause=Cause.CLOCK)
     c.stop(clock.success, begin, end)
     c.stop(ends.all, end, len(c.parts))
     return all_of((ends, Ends(failure=clock.success)))
@@ -392,11 +394,11 @@ def other(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     enter: Signals = (begin,)
     name = node.identity
     for position, child in enumerate(node.children, start=1):
-        chosen = c.choice(node, f"{name} runs child {position}", enter)
+        chosen = c.choice(node, f"{name} runs child {position}", enter, cause=Cause.UNKNOWN_NODE)
         ends = yield visit._replace(node=child, enter=chosen.success, again=True)
         c.back(node, begin, ends.all)
         enter = chosen.failure
-    result = c.choice(node, f"{name} succeeds", enter)
+    result = c.choice(node, f"{name} succeeds", enter, cause=Cause.UNKNOWN_NODE)
     return Ends(result.success, result.failure)
 
 

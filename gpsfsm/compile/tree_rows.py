@@ -24,6 +24,7 @@ from gpsfsm.compile.tree_parts import (
 )
 from gpsfsm.compile.tree_ties import question
 from gpsfsm.compile.trees import number
+from gpsfsm.model.precision import Cause
 from gpsfsm.model.tree import Meaning, is_reference
 
 if TYPE_CHECKING:
@@ -93,7 +94,9 @@ def _memory(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         return (yield from row)
     enter, entering = visit.enter, []
     for position in range(1, len(node.children)):
-        chosen = c.choice(node, f"{node.identity} begins at child {position}", enter)
+        chosen = c.choice(
+            node, f"{node.identity} begins at child {position}", enter, cause=Cause.HISTORY
+        )
         entering.append(chosen.success)
         enter = chosen.failure
     entering.append(enter)
@@ -135,11 +138,11 @@ def _branch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     condition = visit._replace(node=node.children[0])
     if visit.again and len(node.children) == 2 and not c.is_pure(condition.node):
         # BehaviorTree.CPP does not reset an action that has failed as the condition of two.
-        stale = c.choice(node, "the condition fails as before", visit.enter)
+        stale = c.choice(node, "the condition fails as before", visit.enter, cause=Cause.HISTORY)
         ends.append(Ends(failure=stale.success))
         condition = condition._replace(enter=stale.failure)
     chosen = yield condition
-    ends.append(Ends(skipped=chosen.skipped))
+    c.thrown += chosen.skipped  # "invalid status"
     ends.append((yield visit._replace(node=node.children[1], enter=chosen.success)))
     if len(node.children) > 2:
         ends.append((yield visit._replace(node=node.children[2], enter=chosen.failure)))
@@ -150,9 +153,10 @@ def _branch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 def _try_catch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     tried = yield from _row(c, node.children[:-1], visit)
+    begin = len(c.parts)
     caught = yield visit._replace(node=node.children[-1], enter=tried.failure)
     if node.text("catch_on_halt").strip().lower() in ("true", "1"):
-        c.approximated.setdefault(node.index, node)
+        c.approximate(node, Cause.HISTORY, begin)
     return tried._replace(failure=caught.all)
 
 
@@ -172,7 +176,7 @@ def _rounds(c: Compiler, node: TreeNode, visit: Visit, *, port: str, retries: bo
     again, out = (ends.failure, ends.success) if retries else (ends.success, ends.failure)
     ended: Signals = ()
     if rounds is None or rounds > 0:
-        more = c.choice(node, f"{node.identity}: another round", again)
+        more = c.choice(node, f"{node.identity}: another round", again, cause=Cause.ROUNDS)
         again, ended = more.success, more.failure
     c.back(node, begin, c.pause(visit, node.index, again))
     return Ends(out, ended, ends.skipped) if retries else Ends(ended, out, ends.skipped)
@@ -253,7 +257,7 @@ def _recovery(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         begin = c.port(enter)
         tried = yield visit._replace(node=first, enter=(begin,), again=True)
         out.append(tried)
-        more = c.choice(node, f"{node.identity}: another round", tried.failure)
+        more = c.choice(node, f"{node.identity}: another round", tried.failure, cause=Cause.ROUNDS)
         helped = yield visit._replace(node=second, enter=more.success, again=True)
         failed += [more.failure, helped.failure, helped.skipped]
         c.back(node, begin, helped.success)
@@ -265,12 +269,19 @@ def _recovery(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 
 def _round_robin(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
-    """Nav2's RoundRobin: it goes on behind the child that it has tried last."""
+    """Nav2's RoundRobin: it goes on behind the child that it has tried last.
+
+    Since December 2025 it ends at its last child, whose success it returns as a failure, unless
+    ``wrap_around`` is true (round_robin_node.cpp); before, there is no such port.
+    """
     if not visit.again:
-        return (yield from _row(c, node.children, visit, sequence=False))
+        row = yield from _row(c, node.children, visit, sequence=False)
+        return _wrapped(c, node, row)
     enter, entering = visit.enter, []
     for position in range(1, len(node.children)):
-        chosen = c.choice(node, f"RoundRobin begins at child {position}", enter)
+        chosen = c.choice(
+            node, f"RoundRobin begins at child {position}", enter, cause=Cause.HISTORY
+        )
         entering.append(chosen.success)
         enter = chosen.failure
     entering.append(enter)
@@ -282,11 +293,22 @@ def _round_robin(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         ends = yield visit._replace(node=child, enter=joined(arriving, begins))
         out.append(ends.success)
         every = joined(ends.failure, ends.skipped)
-        chosen = c.choice(node, "all children of the RoundRobin have failed", every)
+        chosen = c.choice(
+            node, "all children of the RoundRobin have failed", every, cause=Cause.HISTORY
+        )
         failed.append(chosen.success)
         arriving = chosen.failure
     c.back(node, wraps, arriving)
-    return Ends(joined(*out), joined(*failed))
+    return _wrapped(c, node, Ends(joined(*out), joined(*failed)))
+
+
+def _wrapped(c: Compiler, node: TreeNode, ends: Ends) -> Ends:
+    """The ends of a RoundRobin, of which a success may be a failure in some version."""
+    if node.text("wrap_around").strip().lower() in ("true", "1") or not ends.success:
+        return ends
+    of = "the success of this RoundRobin counts"
+    chosen = c.choice(node, of, ends.success, cause=Cause.VERSION)
+    return ends._replace(success=chosen.success, failure=joined(ends.failure, chosen.failure))
 
 
 def _delay(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
@@ -312,7 +334,7 @@ def _maybe(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 def _single_trigger(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     if visit.rerun:
-        chosen = c.choice(node, "this SingleTrigger was reset", visit.enter)
+        chosen = c.choice(node, "this SingleTrigger was reset", visit.enter, cause=Cause.HISTORY)
         ends = yield from c.child(node, visit._replace(enter=chosen.success, rerun=False))
         return all_of((ends, Ends(failure=chosen.failure)))
     return (yield from c.child(node, visit))
@@ -334,18 +356,19 @@ def _manual(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 def _run_once(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     if not visit.again:
         return (yield from c.child(node, visit))
-    chosen = c.choice(node, "this RunOnce has not run before", visit.enter)
+    chosen = c.choice(node, "this RunOnce has not run before", visit.enter, cause=Cause.HISTORY)
     ends = yield from c.child(node, visit._replace(enter=chosen.success))
     if (node.text("then_skip") or "true").strip().lower() in ("true", "1"):
         return all_of((ends, Ends(skipped=chosen.failure)))
-    before = c.choice(node, "this RunOnce has succeeded", chosen.failure)
+    before = c.choice(node, "this RunOnce has succeeded", chosen.failure, cause=Cause.HISTORY)
     return all_of((ends, Ends(before.success, before.failure)))
 
 
 def _precondition(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     begin = c.port(visit.enter)
     about = question(node.text("if"), visit.scope)
-    chosen = c.choice(node, f"if: {node.text('if')}", (begin,), about)
+    enter = c.evaluated(node, "if", (begin,))
+    chosen = c.choice(node, f"if: {node.text('if')}", enter, about)
     ends = yield from c.child(node, visit._replace(enter=chosen.success))
     otherwise = c.ends_of(node, node.text("else") or "FAILURE", chosen.failure, begin)
     return all_of((ends, otherwise))

@@ -21,6 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.compile.tree_scripts import AFTERWARDS
 from gpsfsm.model.automaton import Reset, Signal, Tie
 from gpsfsm.model.event import Event
 from gpsfsm.model.tree import BUILTINS, NAV2, Meaning, PortKind, is_reference
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from gpsfsm.compile.trees import Scope
     from gpsfsm.model.tree import NodeModel, TreeNode
 
-_AFTERWARDS = ("_onSuccess", "_onFailure", "_post")
 _EVENTS = (Event.SUCCEEDED, Event.FAILED)
 
 
@@ -107,7 +107,7 @@ class Ties:
     def around(self, node: TreeNode, scope: Scope) -> None:
         """A node may write: by its ports if it has children, by a script before or within it."""
         for attribute in node.attributes:
-            if attribute.name.startswith("_") and attribute.name not in _AFTERWARDS:
+            if attribute.name.startswith("_") and attribute.name not in AFTERWARDS:
                 self.loose.update(self._names(read_script(attribute.text).writes, scope))
         if node.identity in ("Precondition", "ScriptCondition"):
             for port in ("if", "code"):
@@ -117,7 +117,7 @@ class Ties:
 
     def after(self, node: TreeNode, scope: Scope, ends: tuple[int, ...], part: int) -> None:
         """The scripts after a node write; ``part``: the next one."""
-        for name in _AFTERWARDS:
+        for name in AFTERWARDS:
             writes = read_script(node.text(name)).writes if node.attribute(name) else ()
             if writes:
                 self.resets.append((frozenset(self._names(writes, scope)), ends, part))

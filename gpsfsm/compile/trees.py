@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from gpsfsm.compile.tree_scripts import Scripts
 from gpsfsm.compile.units import TreePlan, UnitKind, Units
 from gpsfsm.model.finding import Problem
 from gpsfsm.model.plan import (
@@ -202,8 +203,10 @@ class _Unfolder:
     reactive: dict[int, bool] = field(default_factory=dict)
     pending: list[_Use] = field(default_factory=list)
     uses: dict[int, int] = field(default_factory=dict)
+    scripts: Scripts = field(init=False)
 
     def unfold(self) -> Unfolded:
+        self.scripts = Scripts.of(self.forest)
         top = self.forest.nodes[self.forest.main]
         self.grown.element(top, -1, Kind.PLAN)
         self._unit(UnitKind.SEQUENCE, 0, -1)
@@ -230,6 +233,8 @@ class _Unfolder:
         if condition:
             what = f"the condition {condition} of this {name} depends on the blackboard"
             self._lose(node, what, "put a condition node before it instead")
+        elif self.scripts.node_may_throw(node):
+            self._lose(node, f"a script of this {name or node.tag} may throw an exception")
         elif not name:
             self.blocked = True  # an ID is missing, which the front end has reported
         elif name in BUILTINS:

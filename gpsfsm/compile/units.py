@@ -11,12 +11,15 @@ from collections.abc import Mapping
 from dataclasses import field
 from enum import IntEnum
 from functools import cached_property
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, Edge, Node, Tie
 from gpsfsm.model.plan import ControlType, Element, Kind, Location, Plan
 from gpsfsm.model.story import Vocabulary
+
+if TYPE_CHECKING:
+    from gpsfsm.model.precision import Approximation
 
 
 class UnitKind(IntEnum):
@@ -100,7 +103,9 @@ class MachinePlan(Plan):
     """A machine that was handed in: an element for each node, below a root, and its connections.
 
     It has no units. ``paths`` are the paths of the elements; the others are the parts of its
-    automaton.
+    automaton. ``approximations`` are the constructs that the reader did not take over exactly;
+    ``inexact`` the nodes that stand for those of which it says more than the file does: the machine
+    has all runs of the file, and perhaps others, each of which enters one of these nodes.
     """
 
     vocabulary: ClassVar[Vocabulary] = Vocabulary.MACHINE
@@ -110,6 +115,8 @@ class MachinePlan(Plan):
     nodes: tuple[Node, ...] = ()
     edges: tuple[Edge, ...] = ()
     stops: tuple[Edge, ...] = ()
+    approximations: tuple[Approximation, ...] = ()
+    inexact: frozenset[int] = frozenset()
 
     @cached_property
     def automaton(self) -> Automaton:
@@ -121,20 +128,32 @@ class MachinePlan(Plan):
         return self.paths[element if isinstance(element, int) else element.index]
 
 
+@dataclass(frozen=True, slots=True)
+class Pruned:
+    """A leaf that nothing enters: the node ``before`` it never fails, or never succeeds.
+
+    ``spot`` is that of its element.
+    """
+
+    spot: tuple[str, int]
+    before: str
+    location: Location
+    fails: bool
+
+
 @dataclass(frozen=True, slots=False, eq=False)
 class TreeMachine(MachinePlan):
     """The machine of a behaviour tree that is no plan (``compile/tree_machine.py``).
 
     Its elements are the uses of leaves, joins, choices and ticks, with their places in the file of
-    the tree. ``approximated`` are the places of the nodes of which it says more than the tree does:
-    it has all runs of the tree, and perhaps others. ``ties`` are the conditions on the blackboard
-    that have one answer, if nothing but the tree writes there.
+    the tree. ``ties`` are the conditions on the blackboard that have one answer, if nothing but the
+    tree writes there. ``pruned`` are leaves that nothing enters, with the cause.
     """
 
     vocabulary: ClassVar[Vocabulary] = Vocabulary.TREE
 
-    approximated: tuple[Location, ...] = ()
     ties: tuple[Tie, ...] = ()
+    pruned: tuple[Pruned, ...] = ()
 
 
 def is_recovery(element: Element) -> bool:

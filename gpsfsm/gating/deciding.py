@@ -22,7 +22,7 @@ from gpsfsm.capabilities.table import dump
 from gpsfsm.checking import CheckOptions, check_text, unreadable
 from gpsfsm.errors import InternalError, UsageError, misused
 from gpsfsm.late import dataclass
-from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Frequency, PlanReport
 from gpsfsm.model.report import Verdict as CheckVerdict
@@ -78,12 +78,15 @@ class GateOptions:
     - ``allow_suppressions``: comments in the plan may excuse findings. By default, the author of a
       plan cannot excuse anything.
     - ``allow_empty``: accept a plan that does nothing.
+    - ``allow_approximated``: accept a tree or machine that may have an error, if nobody knows
+      because constructs of it were over-approximated.
     """
 
     check: CheckOptions = field(default_factory=lambda: CheckOptions(trees=False))
     fail_on: Severity = Severity.ERROR
     allow_suppressions: bool = False
     allow_empty: bool = False
+    allow_approximated: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,11 +112,13 @@ class Basis:
     ``task``: SHA-256 of the task file, in hex; None where no task was given, so that only the
     structure of the plan was decided. ``engine`` and ``hangs``: an engine without give-up, on
     which any failure that nothing handles hangs, and in which runs the plan does; None without one.
+    ``approximated``: errors of which nobody knows whether they can happen are allowed.
     """
 
     task: str | None = None
     engine: str | None = None
     hangs: Frequency | None = None
+    approximated: bool = False
 
     @property
     def scope(self) -> str:
@@ -126,13 +131,20 @@ class Basis:
         remarks = [] if self.task is not None else ["structure only: no task was given"]
         if self.engine is not None:
             remarks.append(f"any unhandled failure hangs on {self.engine}")
+        if self.approximated:
+            remarks.append("errors that only an approximation has were allowed")
         return tuple(remarks)
 
     def to_dict(self) -> dict[str, Any]:
         """The entry ``basis`` in receipts and answers of the service (docs/gate.md)."""
         hangs = None if self.hangs is None else self.hangs.value
         engine = None if self.engine is None else {"name": self.engine, "hangs": hangs}
-        return {"scope": self.scope, "task": self.task, "engine": engine}
+        return {
+            "scope": self.scope,
+            "task": self.task,
+            "engine": engine,
+            "allow_approximated": self.approximated,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +181,7 @@ class Verdict:
     def to_dict(self) -> dict[str, Any]:
         """The entry of the plan in the JSON of ``gpsfsm gate --format json`` (docs/gate.md)."""
         plan: dict[str, Any] = {"path": "", "facts": None}
-        plan |= {"findings": [], "suppressed_findings": []}
+        plan |= {"findings": [], "suppressed_findings": [], "approximations": []}
         if self.report is not None:
             excused = tuple(self.report.excused)
             plan = replace(self.report, findings=self.findings, suppressed=excused).to_dict()
@@ -184,6 +196,7 @@ class Verdict:
             "findings": plan["findings"],
             "suppressed_findings": plan["suppressed_findings"],
             "facts": plan["facts"],
+            "approximations": plan["approximations"],
         }
 
 
@@ -264,6 +277,7 @@ def _basis(options: GateOptions, facts: Facts | None = None) -> Basis:
         task=None if task is None else task.sha256,
         engine=None if engine is None else engine.name,
         hangs=None if engine is None else engine.hangs,
+        approximated=options.allow_approximated,
     )
 
 
@@ -278,11 +292,11 @@ def _digests(text: str | bytes | None, options: GateOptions) -> Digests:
 def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdict:
     counted, rest = _counted(report, options)
     against = _against(counted, options)
-    reason, message = _reason(report, options, against)
+    reason, message = _reason(report, options, counted)
     if reason is Reason.EMPTY:
         against = tuple(each for each in counted if each.rule == _EMPTY_PLAN)
     if reason is Reason.INCONCLUSIVE:
-        against = against or counted
+        against = against or _doubtful(counted, options) or counted
         message = against[0].message if against else message
     refusing = {id(each) for each in against}
     shown = tuple(
@@ -299,7 +313,7 @@ def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdi
 def reason_of(report: PlanReport, options: GateOptions) -> tuple[Reason, str]:
     """The reason that the gate gives for a report: whoever lets plans run asks for this one."""
     counted, _ = _counted(report, options)
-    return _reason(report, options, _against(counted, options))
+    return _reason(report, options, counted)
 
 
 def _against(counted: tuple[Finding, ...], options: GateOptions) -> tuple[Finding, ...]:
@@ -310,7 +324,23 @@ def _against(counted: tuple[Finding, ...], options: GateOptions) -> tuple[Findin
     return tuple(
         each
         for each in counted
-        if each.severity.rank >= options.fail_on.rank or _breaks_budget(each, options)
+        if each.confidence is not Confidence.MAY
+        and (each.severity.rank >= options.fail_on.rank or _breaks_budget(each, options))
+    )
+
+
+def _doubtful(counted: tuple[Finding, ...], options: GateOptions) -> tuple[Finding, ...]:
+    """The findings that would refuse a plan if they were proved."""
+    if options.allow_approximated:
+        return ()
+    return tuple(
+        each
+        for each in counted
+        if each.confidence is Confidence.MAY
+        and (
+            (each.if_proved or each.severity).rank >= options.fail_on.rank
+            or _breaks_budget(each, options)
+        )
     )
 
 
@@ -320,10 +350,11 @@ def _breaks_budget(finding: Finding, options: GateOptions) -> bool:
 
 
 def _reason(
-    report: PlanReport, options: GateOptions, against: tuple[Finding, ...]
+    report: PlanReport, options: GateOptions, counted: tuple[Finding, ...]
 ) -> tuple[Reason, str]:
     """The reason and a message. There is one way to PASSED, and it is the last one."""
     what = "machine" if report.machine else "plan"
+    against = _against(counted, options)
     if report.verdict is CheckVerdict.UNDECIDED:
         return Reason.INCONCLUSIVE, f"the {what} is undecided"
     if against and all(each.severity.rank < options.fail_on.rank for each in against):
@@ -333,6 +364,8 @@ def _reason(
     if against:
         number = "1 finding" if len(against) == 1 else f"{len(against):,} findings"
         return Reason.FINDINGS, f"{number} of level {options.fail_on.value} or worse"
+    if _doubtful(counted, options):
+        return Reason.INCONCLUSIVE, f"whether the {what} has an error is not known"
     if report.verdict is not CheckVerdict.ACCEPTED and not _excused(report, options):
         return Reason.FINDINGS, f"the {what} has errors that are not shown"
     if report.facts is None or _unknown(report.facts):  # accepted undecided: it must not happen

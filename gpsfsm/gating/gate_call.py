@@ -40,6 +40,7 @@ def gate(
     allow_suppressions: bool = False,
     allow_empty: bool = False,
     allow_trees: bool = False,
+    allow_approximated: bool = False,
     task: str | Path | None = None,
     engine: str = PAPER_ENGINE,
     assume: Sequence[str] = (),
@@ -72,6 +73,7 @@ def gate(
     (False, 'rejected: findings', 'GP107')
     """
     flags = {"allow_suppressions": allow_suppressions, "allow_empty": allow_empty}
+    flags |= {"allow_approximated": allow_approximated}
     for name, value in {**flags, "allow_trees": allow_trees}.items():
         if not isinstance(value, bool):
             raise misused("gate", f"True or False as {name}", value)
@@ -80,7 +82,7 @@ def gate(
         raise UsageError(IDLE_IGNORE.format(codes=", ".join(ignore)[:100]))
     check = replace(check, task=_task(task), trees=allow_trees)
     check = replace(check, capabilities=permitting(check.described, _permissions(allow)))
-    options = GateOptions(check, _severity(fail_on), allow_suppressions, allow_empty)
+    options = GateOptions(check, _severity(fail_on), **flags)
     return _gate(text_or_path, options, budget_ms)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,6 +13,9 @@ from gpsfsm.model.story import Sentence, Vocabulary
 if TYPE_CHECKING:
     from gpsfsm.model.event import End, Event, Outcome
     from gpsfsm.model.plan import Location
+
+
+_MAY = "unless the over-approximated constructs rule that out"
 
 
 class Severity(StrEnum):
@@ -28,9 +32,13 @@ class Severity(StrEnum):
 
 
 class Confidence(StrEnum):
-    """``proved`` by analysis or by the grammar; ``heuristic`` where intent is guessed."""
+    """``proved`` by analysis or by the grammar; ``heuristic`` where intent is guessed.
+
+    ``may``: only runs that the automaton has and the file may not have show it (semantics, 9.6).
+    """
 
     PROVED = "proved"
+    MAY = "may"
     HEURISTIC = "heuristic"
 
 
@@ -87,7 +95,8 @@ class Scenario:
 class Problem:
     """A report of the front end: a rule code, a place and words; rules turn it into a finding.
 
-    ``length`` is the number of code points to underline on that line (0: only a caret).
+    ``length`` is the number of code points to underline on that line (0: only a caret);
+    ``severity`` is that of the rule, unless it is given.
     """
 
     rule: str
@@ -96,6 +105,7 @@ class Problem:
     hint: str = ""
     length: int = 0
     related: tuple[Related, ...] = ()
+    severity: Severity | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +116,8 @@ class Finding:
     is "" for a finding that is shown. ``justification`` is the reason given in a comment, even if
     an option or a baseline already hides the finding. ``unless`` is the code of a rule that may
     report the same problem ("": none): if a finding of that rule names the element of this one,
-    this one is omitted. Reports do not contain ``unless``.
+    this one is omitted. Reports do not contain ``unless``. ``if_proved`` is the severity of a
+    finding of confidence ``may`` if it were proved.
     """
 
     rule: str
@@ -122,6 +133,18 @@ class Finding:
     suppressed_by: Literal["", "comment", "option", "baseline"] = ""
     justification: str = ""
     unless: str = ""
+    if_proved: Severity | None = None
+
+    def as_may(self) -> Finding:
+        """The same where nobody knows whether it can happen: never an error."""
+        severity = Severity.WARNING if self.severity is Severity.ERROR else self.severity
+        return replace(
+            self,
+            severity=severity,
+            confidence=Confidence.MAY,
+            if_proved=self.severity,
+            message=f"{self.message} ({_MAY})",
+        )
 
     @property
     def excused(self) -> bool:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.event import Event
     from gpsfsm.model.plan import Location
+    from gpsfsm.model.precision import Approximation
 
 
 class Verdict(StrEnum):
@@ -103,6 +104,19 @@ class MachineFacts:
     loops: tuple[LoopFact, ...] = ()
 
 
+class Precision(StrEnum):
+    """The part of a fact about an over-approximated machine that is proved (semantics, 9.6).
+
+    A fact that is not named is proved as it stands. MAY: nobody knows whether it happens in any
+    run. CAN: it happens in some run; nobody knows whether in all. AT_LEAST: the number is a lower
+    bound.
+    """
+
+    MAY = "may"
+    CAN = "can"
+    AT_LEAST = "at least"
+
+
 @dataclass(frozen=True, slots=True)
 class Facts:
     """The facts about a plan (semantics, sections 5 and 8); lists are in document order.
@@ -110,7 +124,8 @@ class Facts:
     ``makespan`` is in seconds, ``energy`` in joules. ``engine`` is None for the paper's semantics,
     ``machine`` is None for a plan. A fact that a limit left undecided is UNKNOWN, an empty list or
     None; then the verdict is ``undecided`` and finding GP904 names the fact. Otherwise an empty
-    list means that there is nothing of the kind.
+    list means that there is nothing of the kind. ``precision``: the facts that are not proved as
+    they stand, by name.
     """
 
     runners: int
@@ -128,6 +143,7 @@ class Facts:
     loaded: Loaded | None = None
     engine: EngineFacts | None = None
     machine: MachineFacts | None = None
+    precision: Mapping[str, Precision] = field(default_factory=dict)
 
 
 class By(StrEnum):
@@ -174,6 +190,7 @@ class PlanReport:
     - ``proof``: the procedures that the facts rest on; None without facts.
     - ``machine``: the text was parsed as a machine.
     - ``included``: the texts of included files, by name.
+    - ``approximations``: the constructs that were not read exactly, in document order.
     """
 
     path: str
@@ -186,6 +203,7 @@ class PlanReport:
     proof: Proof | None = None
     machine: bool = False
     included: Mapping[str, str] = field(default_factory=dict)
+    approximations: tuple[Approximation, ...] = ()
 
     def file_of(self, location: Location) -> str:
         """The path of the file that contains a place."""

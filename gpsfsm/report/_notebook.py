@@ -184,6 +184,8 @@ def _finding(finding: Finding, lines: list[str]) -> Iterator[str]:
     yield from _story(finding)
     if finding.confidence is Confidence.HEURISTIC:
         yield "<p>note: heuristic; what the plan intends is guessed</p>"
+    if finding.confidence is Confidence.MAY:
+        yield "<p>note: not proved; every run that shows it is approximated (GP816)</p>"
     if finding.hint:
         yield f"<p>hint: {_text(finding.hint)}</p>"
     yield "</div>"

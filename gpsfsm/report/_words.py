@@ -19,6 +19,7 @@ from gpsfsm.model.report import (
     Frequency,
     Interval,
     PlanReport,
+    Precision,
     Proof,
     Report,
     SettingUsed,
@@ -26,7 +27,7 @@ from gpsfsm.model.report import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
 MAX_MESSAGE = 2000
 """Messages, hints and element paths are clipped to this many code points where people read them."""
@@ -126,7 +127,7 @@ def summary(plan: PlanReport) -> str:
     parts = [plan.verdict.value]
     if plan.facts is not None:
         parts += _facts(plan.facts)
-        parts += _proof(plan.proof)
+        parts += _proof(plan.proof, plan.facts.precision)
     elif plan.verdict is Verdict.REJECTED:
         refused = any(finding.rule in _REFUSED for finding in plan.findings)
         what = "the engine does not run it" if refused else "the text could not be analysed"
@@ -136,12 +137,12 @@ def summary(plan: PlanReport) -> str:
     return "; ".join(parts)
 
 
-def _proof(proof: Proof | None) -> list[str]:
+def _proof(proof: Proof | None, precision: Mapping[str, Precision]) -> list[str]:
     """The procedures on which the facts rest, if there is anything to say of them."""
     if proof is None or not proof.decided_by:
         return []
     if not proof.unproved:
-        return ["proved by z3"]
+        return ["proved by z3, except for what may happen" if precision else "proved by z3"]
     procedures = set(proof.decided_by.values())
     only = "search only" if By.SEARCH in procedures else "structural pass only"
     of_what = f" for {', '.join(proof.unproved)}" if By.Z3 in procedures else ""
@@ -154,12 +155,14 @@ def _facts(facts: Facts) -> list[str]:
         instances = count(facts.runners, "runner instance")
         on = f" (on {facts.engine.name})" if facts.engine is not None else ""
         return [f"{instances}, nothing runs: it completes at once{on}"]
-    ends = [_how_often(facts.completes, "completes")]
+    precision = facts.precision
+    ends = [_how_often(facts.completes, "completes", precision.get("completes"))]
     if facts.engine is None:
-        stuck = _how_often(facts.stuck, "stuck", clause="is stuck")
-        ends += [_how_often(facts.gives_up, "gives up"), stuck]
+        stuck = _how_often(facts.stuck, "stuck", precision.get("stuck"), clause="is stuck")
+        ends += [_how_often(facts.gives_up, "gives up", precision.get("gives_up")), stuck]
         if facts.machine is not None:
-            ends.append(_how_often(facts.machine.endless, "runs for ever"))
+            endless = facts.machine.endless
+            ends.append(_how_often(endless, "runs for ever", precision.get("endless")))
     else:
         ends.append(_how_often(facts.engine.hangs, "hangs"))
         ends.append(_how_often(facts.engine.aborts, "aborts the engine"))
@@ -169,7 +172,10 @@ def _facts(facts: Facts) -> list[str]:
     if facts.machine is not None and facts.machine.completes_if_fair is not facts.completes:
         parts.append(f"{facts.machine.completes_if_fair.value} completes if outcomes are fair")
     if facts.fewest_failures_to_give_up is not None:
-        parts.append(f"fewest failures to give up: {facts.fewest_failures_to_give_up}")
+        number: int | str = facts.fewest_failures_to_give_up
+        if precision.get("fewest_failures_to_give_up") is Precision.AT_LEAST:
+            number = f"at least {number}"
+        parts.append(f"fewest failures to give up: {number}")
     if facts.makespan is not None and (facts.makespan.min or facts.makespan.max is not None):
         parts.append(f"takes {_interval(facts.makespan, 's')}")
     if facts.energy is not None:
@@ -177,11 +183,24 @@ def _facts(facts: Facts) -> list[str]:
     return parts
 
 
-def _how_often(frequency: Frequency, end: str, *, clause: str = "") -> str:
-    """``always completes``, ``unknown whether it completes``."""
+_MAY = {
+    "completes": "may complete",
+    "gives up": "may give up",
+    "stuck": "may get stuck",
+    "runs for ever": "may run for ever",
+}
+
+
+def _how_often(
+    frequency: Frequency, end: str, precision: Precision | None = None, *, clause: str = ""
+) -> str:
+    """``always completes``, ``may complete``, ``unknown whether it completes``."""
     if frequency is Frequency.UNKNOWN:
         return f"unknown whether it {clause or end}"
-    return f"{frequency.value} {end}"
+    if precision is Precision.MAY:
+        return _MAY[end]
+    also = " or always" if precision is Precision.CAN else ""
+    return f"{frequency.value}{also} {end}"
 
 
 def _interval(interval: Interval, unit: str) -> str:

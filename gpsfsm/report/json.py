@@ -1,4 +1,4 @@
-"""JSON for programs: the contract, version 2 (``gpsfsm-report-2.schema.json``).
+"""JSON for programs: the contract, version 3 (``gpsfsm-report-3.schema.json``).
 
 One line per fact and per finding: it can be read, searched with grep, and is written by the fast
 encoder, which an indentation would rule out.
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Location
     from gpsfsm.model.report import Facts, Interval, PlanReport, SettingUsed
 
-_VERSION = 2
-_SCHEMA = "gpsfsm-report-2.schema.json"
+_VERSION = 3
+_SCHEMA = "gpsfsm-report-3.schema.json"
 _COLUMNS = ("path", "verdict", "rule", "name", "severity", "message", "line", "column", "hint")
 
 
@@ -53,12 +53,14 @@ def plan_line(plan: PlanReport) -> str:
 def _plan(plan: PlanReport) -> str:
     findings = ",\n   ".join(_dump(_finding(finding)) for finding in plan.findings)
     suppressed = ",\n   ".join(_dump(_suppressed(finding)) for finding in plan.suppressed)
+    approximations = ",\n   ".join(map(_dump, approximations_as_data(plan)))
     return (
         f'\n {{"path": {_dump(plan.path)},'
         f'\n  "verdict": {_dump(plan.verdict.value)},'
         f'\n  "facts": {_facts(plan.facts)},'
         f'\n  "decided_by": {_dump({} if plan.proof is None else plan.proof.decided_by)},'
         f'\n  "unproved": {_dump({} if plan.proof is None else plan.proof.unproved)},'
+        f'\n  "approximations": [{_line(approximations)}],'
         f'\n  "findings": [{_line(findings)}],'
         f'\n  "suppressed": {len(plan.suppressed)},'
         f'\n  "suppressed_findings": [{_line(suppressed)}],'
@@ -102,6 +104,7 @@ def _facts(facts: Facts | None) -> str:
             "completes_if_fair": facts.machine.completes_if_fair.value,
             "loops": [{"runners": loop.runners, "trap": loop.trap} for loop in facts.machine.loops],
         }
+        fields["precision"] = {name: each.value for name, each in facts.precision.items()}
     inner = ",\n   ".join(f"{_dump(name)}: {_dump(value)}" for name, value in fields.items())
     return f"{{\n   {inner}}}"
 
@@ -126,8 +129,22 @@ def finding_as_data(finding: Finding) -> dict[str, Any]:
     }
 
 
+def approximations_as_data(plan: PlanReport) -> list[dict[str, Any]]:
+    """The constructs that were not read exactly, for JSON."""
+    return [
+        {
+            "reading": each.reading.value,
+            "construct": each.construct,
+            "cause": each.cause.value,
+            "location": _location(each.location),
+        }
+        for each in plan.approximations
+    ]
+
+
 def _finding(finding: Finding) -> dict[str, Any]:
-    return {**finding_as_data(finding), "confidence": finding.confidence.value}
+    data = {**finding_as_data(finding), "confidence": finding.confidence.value}
+    return data if finding.if_proved is None else {**data, "if_proved": finding.if_proved.value}
 
 
 def _suppressed(finding: Finding) -> dict[str, Any]:

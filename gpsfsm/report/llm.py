@@ -102,6 +102,8 @@ def _finding(finding: Finding, number: int, source: Sequence[str]) -> Iterator[s
     kind = finding.severity.value.capitalize()
     if finding.confidence is Confidence.HEURISTIC:
         kind += " (a guess at what you intend)"
+    if finding.confidence is Confidence.MAY:
+        kind += " (possible, not proved)"
     place = f" at {finding.location.words}" if has_place(finding) else ""
     yield f"{number}. {kind} {finding.rule}{place}: {clip(finding.message, _MAX_TEXT)}"
     line = finding.location.line

@@ -27,7 +27,11 @@ _Json = dict[str, Any]
 
 _SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
-_PRECISIONS = {Confidence.PROVED: "very-high", Confidence.HEURISTIC: "medium"}
+_PRECISIONS = {
+    Confidence.PROVED: "very-high",
+    Confidence.MAY: "medium",
+    Confidence.HEURISTIC: "medium",
+}
 _FINGERPRINT = "gpsfsmFinding/v1"
 
 _dump = json.JSONEncoder(ensure_ascii=True, allow_nan=False).encode

@@ -168,6 +168,10 @@ class _Entry:
         yield from _related(pen, finding.related, self.plan.path)
         if finding.confidence is Confidence.HEURISTIC:
             yield pen.frame("=", "note: heuristic; this rule guesses what the plan intends")
+        if finding.confidence is Confidence.MAY:
+            yield pen.frame(
+                "=", "note: not proved; every run that shows it is approximated (GP816)"
+            )
         yield from _hint(pen, finding)
 
     def _code(self, pen: _Pen, finding: Finding) -> Iterator[str]:
@@ -202,6 +206,7 @@ def _head(pen: _Pen, path: str, finding: Finding) -> str:
 def _remarks(finding: Finding) -> str:
     """``" (heuristic, +3 places)"``: what the whole form says in lines of their own."""
     remarks = ["heuristic"] if finding.confidence is Confidence.HEURISTIC else []
+    remarks += ["not proved"] if finding.confidence is Confidence.MAY else []
     if finding.related:
         remarks.append("+" + count(len(finding.related), "place"))
     return f" ({', '.join(remarks)})" if remarks else ""

@@ -24,6 +24,7 @@ from gpsfsm.syntax.tree import OF_PLANS, TreeBuilder
 
 if TYPE_CHECKING:
     from gpsfsm.model.plan import Plan
+    from gpsfsm.model.precision import Approximation
     from gpsfsm.model.tree import Forest
     from gpsfsm.syntax.token_reader import Suppression
 
@@ -53,6 +54,7 @@ class Parsed:
     - ``foreign``: nothing in the text looks like a plan. It may be any file that a path led to, so
       it must not be displayed.
     - ``included``: the texts of included files, by name; ``forest``: all behaviour trees.
+    - ``approximations``: the constructs that are not in the plan as they are in the text.
     """
 
     file: str
@@ -69,6 +71,7 @@ class Parsed:
     foreign: bool = False
     included: Mapping[str, str] = field(default_factory=dict)
     forest: Forest | None = None
+    approximations: tuple[Approximation, ...] = ()
 
 
 def parse(

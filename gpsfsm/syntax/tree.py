@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from gpsfsm.syntax.tokens import EndTag, StartTag, TextRun, Token
 
 _KINDS = {kind.value: kind for kind in Kind}
-OF_PLANS = pattern(r"(?:<|&lt;)\s*/?\s*(?:[\w.-]+:)?(?:plan|control|runner|behaviou?r_?tree)", re.I)
+OF_PLANS = pattern(
+    r"(?:<|&lt;)\s*+(?:/\s*+)?+(?:[\w.-]++:)?+(?:plan|control|runner|behaviou?r_?tree)", re.I
+)
 """What looks like a part of a plan; a text without any of it may be anything."""
 
 _RESPONSE = "if this is a model's answer, check it with --from-response"
@@ -329,6 +331,15 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
     """
     names = [attribute.name for attribute in tag.attributes]
     trees = behavior_tree_root(tag.name, names)
+    written = tag.name.rpartition(":")[2]
+    meant = _OTHERS.get(written.lower(), "")
+    if meant and tag.name != meant and (meant != "root" or "<BehaviorTree" in text):
+        message = f"the outermost element is <{clip(tag.name)}>, but must be <{meant}>"
+        hint = f"write <{meant}>: names of elements are case-sensitive"
+        if written != tag.name:
+            hint = f"write <{meant}>, without a prefix"
+        collector.add("GP104", tag.start, 1 + len(tag.name), message=message, hint=hint)
+        return
     if not (trees or OF_PLANS.search(text)):
         message = "the outermost element is not <Plan>: a plan is one <Plan> element"
         hint = f"write a plan as <Plan>…</Plan>; {_RESPONSE}"
@@ -355,6 +366,8 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
     collector.add("GP104", tag.start, length, message=message, hint=hint, element=f"/{name}")
 
 
+_OTHERS = {each.lower(): each for each in ("root", "scxml", "StateMachine", "graphml")}
+"""The outermost elements of what is no plan, by their names in small letters."""
 _MAX_RELATED = 20
 _MAX_NAMED = 6
 _MAX_OF_TREE = 100

@@ -244,6 +244,8 @@ class NodeRules:
 
     def _children(self, node: TreeNode, name: str, builtin: Builtin) -> None:
         count, least, most = len(node.children), builtin.least, builtin.most
+        if self.version == 3 and builtin.meaning is Meaning.WHILE:
+            least = most  # it throws without a third child
         if count >= least and (most < 0 or count <= most):
             return
         if most < 0:
@@ -313,6 +315,10 @@ class NodeRules:
             self._tell("GP801", node, message, f'write <SubTree ID="{clip(name)}"/>')
             return
         model = None if self.models is None else self.models.get(name)
+        if name == "Root" and node.children and model is None:
+            message = "<Root> is what old Groot wrote into the file; BehaviorTree.CPP refuses it"
+            self._tell("GP805", node, message, "remove <Root> and </Root>, and keep what is inside")
+            return
         category = node.tag if node.explicit else model.category if model else ""
         if category in ("Action", "Condition", "SubTree") and node.children:
             article = "an" if category == "Action" else "a"

@@ -32,6 +32,7 @@ from gpsfsm.strict_json import strict_loads
 _SCALARS = (bool, int, float, str, type(None))
 _SHOWN = 60
 _HOMES = {
+    "Approximation": "gpsfsm.model.precision",
     "Breach": "gpsfsm.fuzzing.properties",
     "DecidedBy": "gpsfsm.tasks.deciding",
     "Edit": "gpsfsm.fixing.fixer",

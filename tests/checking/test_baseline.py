@@ -130,7 +130,7 @@ class TestUnfitFiles:
             None,
             3,
             {},
-            content(version=3),
+            content(version=4),
             content(version="1"),
             content(version=True),
             content(plans={}),

@@ -515,8 +515,8 @@ def test_a_tree_that_is_too_large_is_decided_without_counting_rounds(
     assert (report.verdict, report.facts.completes) == (whole.verdict, whole.facts.completes)
     (finding,) = (each for each in report.findings if each.rule == "GP816")
     assert finding.message == (
-        "the automaton allows more than this tree can do, because of line 1: "
-        "if rounds are counted there, its runs reach too many configurations"
+        "the automaton allows more than this tree can do: Repeat at line 1 "
+        "(its rounds are not counted)"
     )
     monkeypatch.setattr(machine_check, "MAX_CONFIGURATIONS", 5)
     (report,) = gpsfsm.check(text).plans

@@ -50,6 +50,7 @@ def test_gate_has_those_that_do_something() -> None:
         "allow_suppressions",
         "allow_empty",
         "allow_trees",
+        "allow_approximated",
         "task",
     }
     shared = {name: value for name, value in defaults(gate).items() if name not in own}

@@ -168,7 +168,8 @@ def test_the_truth_value_and_the_words_are_those_of_the_verdict() -> None:
 def test_it_says_that_only_the_structure_was_decided(tmp_path: Path) -> None:
     without = gate_text(GOOD, "plan.xml")
     assert without.message == "the plan may run; structure only: no task was given"
-    assert without.to_dict()["basis"] == {"scope": "structure", "task": None, "engine": None}
+    basis = {"scope": "structure", "task": None, "engine": None, "allow_approximated": False}
+    assert without.to_dict()["basis"] == basis
     file = tmp_path / "task.yaml"
     file.write_text(TASK, "utf-8")
     options = GateOptions(check=CheckOptions(trees=False, task=load_task(file)))
@@ -176,7 +177,7 @@ def test_it_says_that_only_the_structure_was_decided(tmp_path: Path) -> None:
         verdict = gate_text(plan, "plan.xml", options)
         assert str(verdict) == words
         digest = hashlib.sha256(TASK.encode()).hexdigest()
-        basis = {"scope": "structure and task", "task": digest, "engine": None}
+        basis |= {"scope": "structure and task", "task": digest}
         assert verdict.to_dict()["basis"] == basis
     assert refusal(GOOD, options, "no time").basis.task == digest
 

@@ -255,7 +255,7 @@ def compared(
     if machine is None:
         return "there is no machine", []
     (report,) = gpsfsm.check(text, consistent=consistent).plans
-    labels = ["exact" if not machine.approximated else "approximated", report.verdict.value]
+    labels = ["exact" if not machine.approximations else "approximated", report.verdict.value]
     if report.facts is not None and report.facts.stuck is not Frequency.NEVER:
         return f"it is stuck\n{text}", labels
     for number in range(runs):
@@ -280,7 +280,7 @@ def compared(
             return "", [*labels, "the engine throws"]
         labels.append(run.status)
         try:
-            exact = not machine.approximated
+            exact = not machine.approximations
             parted = follows(run, machine, exact=exact, consistent=consistent)
         except TooManyError:
             labels.append("too many configurations")

@@ -33,7 +33,7 @@ def test_output_obeys_the_schema(sample: str) -> None:
 def test_keys_come_in_the_order_of_the_contract() -> None:
     plan = json.loads(render(Report((GIVES_UP,)), "json"))["plans"][0]
     assert list(plan) == [
-        *("path", "verdict", "facts", "decided_by", "unproved"),
+        *("path", "verdict", "facts", "decided_by", "unproved", "approximations"),
         *("findings", "suppressed", "suppressed_findings", "notes"),
     ]
     assert list(plan["facts"]) == schema()["$defs"]["facts"]["required"]

@@ -77,7 +77,7 @@ def test_another_package_can_add_a_format(offered: list[Entry]) -> None:
 
 def test_another_package_cannot_replace_a_built_in_format(offered: list[Entry]) -> None:
     offered.append(Entry("json", Format(name="json", render=lambda *_: "mine")))
-    assert render(SAMPLES["empty"], "json").startswith('{"version": 2')
+    assert render(SAMPLES["empty"], "json").startswith('{"version": 3')
 
 
 def test_the_formats_of_other_packages_are_listed(offered: list[Entry]) -> None:

@@ -275,7 +275,10 @@ def test_what_a_node_of_ones_own_does_is_left_open() -> None:
     (checked,) = check(tree.format("<Sing><A/><B/></Sing>")).plans
     assert checked.verdict is Verdict.ACCEPTED
     (finding,) = (each for each in checked.findings if each.rule == "GP816")
-    assert finding.message == ("the automaton allows more than this tree can do, because of line 3")
+    assert finding.message == (
+        "the automaton allows more than this tree can do: Dance at line 3 (its behaviour is "
+        "unknown) and Sing at line 3 (its behaviour is unknown)"
+    )
     declared = tree.replace("<Dance><Spin/><Jump/></Dance>", "<Dance/>").replace(
         "</root>", '<TreeNodesModel><Action ID="Dance"/><Action ID="Go"/></TreeNodesModel></root>'
     )

@@ -30,11 +30,12 @@ from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     import networkx as nx
 
     from gpsfsm.model.finding import Problem
+    from gpsfsm.model.precision import Approximation
 
 MOST_COMBINATIONS: Final = 64
 MOST_STATES: Final = 5_000
@@ -83,12 +84,17 @@ class State:
     default: str = ""
 
 
-def machine_from(top: State, file: str) -> ReadMachine:
-    """The machine of an outermost container, or what is wrong with it."""
+def machine_from(
+    top: State, file: str, approximations: Iterable[Approximation] = ()
+) -> ReadMachine:
+    """The machine of an outermost container, or what is wrong with it.
+
+    ``approximations``: what the reader says of other constructs than its states.
+    """
     writer = _Writer(top)
     if writer.problems:
         return None, tuple(writer.problems)
-    return machine_of(writer.graph, file=file, places=writer.places)
+    return machine_of(writer.graph, file=file, places=writer.places, approximations=approximations)
 
 
 class _Scope:

@@ -35,6 +35,7 @@ from gpsfsm.compile.formats.python_values import (
     compared,
     described,
     dotted,
+    imports,
     joined_text,
     operated,
     text_row,
@@ -552,9 +553,6 @@ def _size(state: State) -> int:
     return sum(1 for _ in within(state))
 
 
-"""The parameters of SMACH's Concurrence in their order."""
-
-
 def _declared(init: ast.FunctionDef, value: Any) -> tuple[str, ...]:
     """The outcomes that a state's class hands to its base class."""
     for each in ast.walk(init):
@@ -583,18 +581,20 @@ def _read(text: str, file: str, _limits: Limits, *, what: str) -> ReadMachine:
     return Source(text).machine(file, what)
 
 
-def _is_flexbe(begin: str, file: str) -> bool:
-    return file.endswith(".py") and "flexbe_core" in begin
-
-
-def _is_smach(begin: str, file: str) -> bool:
-    return file.endswith(".py") and "smach" in begin.lower()
+def _is_of(package: str, text: str, file: str) -> bool:
+    return file.endswith(".py") and imports(text, package)
 
 
 FLEXBE = Format(
-    "flexbe", "FlexBE behaviours in Python", _is_flexbe, partial(_read, what="behaviour")
+    "flexbe",
+    "FlexBE behaviours in Python",
+    partial(_is_of, "flexbe_core"),
+    partial(_read, what="behaviour"),
 )
 SMACH = Format(
-    "smach", "SMACH state machines in Python", _is_smach, partial(_read, what="state machine")
+    "smach",
+    "SMACH state machines in Python",
+    partial(_is_of, "smach"),
+    partial(_read, what="state machine"),
 )
 FORMATS = (FLEXBE, SMACH)

@@ -211,3 +211,12 @@ def described(
                 yield "the conditions of this container are not written in the source"
                 return
             made.rules.append((row[0], dict(row[1])))
+
+
+def imports(text: str, word: str) -> bool:
+    """True if a line that imports something names ``word``, whatever stands before it.
+
+    >>> imports("# smach", "smach"), imports("from smach_ros import X", "smach")
+    (False, True)
+    """
+    return re.search(rf"(?im)(?:^|\r)[ \t]*+(?:from|import)\b.*{word}", text) is not None

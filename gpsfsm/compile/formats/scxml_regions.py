@@ -27,7 +27,9 @@ def read_regions(elements: Elements, file: str) -> ReadMachine:
     reader = _Reader(elements)
     if elements.problems:
         return None, tuple(elements.problems)
-    return machine_of(reader.graph, file=file, places=reader.places)
+    return machine_of(
+        reader.graph, file=file, places=reader.places, approximations=elements.skipped
+    )
 
 
 def runner_of(elements: Elements, node: TreeNode, name: str) -> dict[str, Any]:

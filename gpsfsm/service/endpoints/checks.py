@@ -68,6 +68,9 @@ class GateRequest(Request):
     )
     allow_empty: bool = Field(default=False, description="A plan that does nothing passes.")
     trees: bool = Field(default=False, description="Behaviour trees are accepted too.")
+    allow_approximated: bool = Field(
+        default=False, description="Errors that only an over-approximation has are accepted."
+    )
 
 
 class DigestsShown(Answer):
@@ -93,6 +96,7 @@ class BasisShown(Answer):
     scope: Literal["structure", "structure and task"]
     task: str | None
     engine: EngineShown | None
+    allow_approximated: bool
 
 
 class GateAnswer(Answer):
@@ -117,6 +121,7 @@ def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnsw
     from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT, IDLE_IGNORE, is_idle
     from gpsfsm.model.finding import Severity
     from gpsfsm.service.worker import sent_task, shown
+    from gpsfsm.syntax.source import read_source
     from gpsfsm.syntax.trees import is_trees
 
     if is_idle(request.options.ignore, request.fail_on):
@@ -128,9 +133,10 @@ def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnsw
         fail_on=Severity(request.fail_on),
         allow_suppressions=request.allow_suppressions,
         allow_empty=request.allow_empty,
+        allow_approximated=request.allow_approximated,
     )
     verdict = gate_text(plan, request.name, options)
-    refused_tree = not request.trees and is_trees(plan.decode("utf-8", "replace"))
+    refused_tree = not request.trees and is_trees(read_source(plan, check.limits).text or "")
     return GateAnswer(
         verdict=verdict.decision.value,
         reason=verdict.reason.value,
