@@ -140,7 +140,7 @@ def test_json_and_graphml_are_read_as_the_same_machine(graph: nx.MultiDiGraph[An
 def test_dot_of_a_small_machine() -> None:
     text = automaton_of(DOOR).to_dot()
     assert '  n0 [label="start", shape=oval' in text
-    assert '  n1 [label="drive\\nnode 'drive'", shape=box, style=rounded];' in text
+    assert "  n1 [label=\"drive\\nnode 'drive'\", shape=box, style=rounded];" in text
     assert (
         '  n2 -> n1 [label="SUCCEEDED stops", color="#8250df", fontcolor="#8250df", '
         "style=dashed, arrowhead=tee];"
