@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
     from gpsfsm.model.plan import Plan
+    from gpsfsm.model.story import Terms
 
 __all__ = ["action", "count", "fewest_words", "listed", "place", "story"]
 
 _MAX_STEPS = 8
+WITHOUT = "although no action fails"
 
 
 def place(element: Element) -> str:
@@ -53,15 +55,20 @@ def count(number: int, noun: str) -> str:
     return f"{number} {noun}" + "s" * (number != 1)
 
 
-def fewest_words(number: int | None, *, at_least: bool = False) -> str:
+def fewest_words(
+    number: int | None, terms: Terms, *, failures: bool = True, at_least: bool = False
+) -> str:
     """The fewest failures that end a plan: ``1 failure is enough``.
 
-    ``at_least``: the number is a lower bound.
+    ``failures``: what was named before as ending it are failures alone, so an end without any is
+    another one. ``at_least``: the number is a lower bound.
     """
     if number is None or (at_least and not number):
-        return "it is unknown how many are needed"
+        return "it is unknown how many failures are needed"
     if at_least and number == 1:
         return "this takes at least 1 failure"
+    if number == 0 and failures:
+        return f"the {terms.whole} can also {terms.give_up} {WITHOUT}"
     if number <= 1:
         return "1 failure is enough" if number else "no failure is needed"
     return f"this takes at least {number} failures in total"

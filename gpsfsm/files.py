@@ -19,11 +19,15 @@ from gpsfsm.errors import InputError, system_reason
 if TYPE_CHECKING:
     from pathlib import Path
 
+OPENED_S = 1.0
+"""A pipe that a path leads to is given up if nobody has opened its other end after so many seconds:
+a shell that does so has begun before us."""
+
 WRITER_S = 10.0
-"""A pipe that a path leads to is given up if nobody has written to it after so many seconds."""
+"""So is one to which nobody has written after so many."""
 
 WHOLE_S = 600.0
-"""So is one that has not ended after so many, and standard input: whoever writes may think, but not
+"""And one that has not ended after so many, and standard input: whoever writes may think, but not
 for ever."""
 
 _CHUNK = 1 << 18
@@ -31,11 +35,14 @@ _NOT_REGULAR = "is not a regular file"
 _LOOK_S = 0.05
 
 
-def read(path: str | Path, max_bytes: int, *, pipes: bool = True) -> bytes:
+def read(
+    path: str | Path, max_bytes: int, *, pipes: bool = True, within_s: float | None = None
+) -> bytes:
     """The content of a file, at most one byte more than is allowed: that tells that it is too long.
 
-    ``pipes``: pipes are read as well, as a shell makes them of ``<(…)``; devices never are. Raises
-    InputError, whose text goes on after the path.
+    ``pipes``: pipes are read as well, as a shell makes them of ``<(…)``; devices never are.
+    ``within_s``: they have to end in this time, if it is less than ``WHOLE_S``. Raises InputError,
+    whose text goes on after the path.
     """
     if not str(path):  # this was a variable without a value
         raise InputError("cannot be read: the path is empty")
@@ -51,7 +58,7 @@ def read(path: str | Path, max_bytes: int, *, pipes: bool = True) -> bytes:
             raise InputError("cannot be read: it is a folder")
         if not (stat.S_ISREG(mode) or (pipes and stat.S_ISFIFO(mode))):
             raise InputError(_NOT_REGULAR)
-        return read_from(number, max_bytes, begun=False)
+        return read_from(number, max_bytes, begun=False, within_s=within_s)
     finally:
         os.close(number)
 
@@ -64,18 +71,21 @@ def read_whole(path: str | Path, max_bytes: int) -> bytes:
     return content
 
 
-def read_from(number: int, max_bytes: int, *, begun: bool = True) -> bytes:
+def read_from(
+    number: int, max_bytes: int, *, begun: bool = True, within_s: float | None = None
+) -> bytes:
     """The bytes from a file descriptor, at most one byte more than is allowed.
 
     In chunks, since one read would claim the memory of the whole limit. ``begun``: a pipe has a
-    writer, or has had one; if not, it must have been opened without waiting. Raises InputError.
+    writer, or has had one; if not, it must have been opened without waiting. ``within_s``: as for
+    ``read``. Raises InputError.
     """
     chunks: list[bytes] = []
     left = max_bytes + 1
     try:
         mode = os.fstat(number).st_mode
         piped = stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)
-        pipe = _Pipe(number, begun=begun) if piped else None
+        pipe = _Pipe(number, begun=begun, within_s=within_s) if piped else None
         while left > 0:
             most = min(left, _CHUNK)
             chunk = os.read(number, most) if pipe is None else pipe.read(most)
@@ -99,8 +109,9 @@ class _Pipe:
     Where nothing can poll, as on Windows, a read waits, and the clock is looked at between reads.
     """
 
-    def __init__(self, number: int, *, begun: bool) -> None:
+    def __init__(self, number: int, *, begun: bool, within_s: float | None) -> None:
         self._number = number
+        self._whole_s = WHOLE_S if within_s is None else min(within_s, WHOLE_S)
         self._poll = select.poll() if hasattr(select, "poll") else None
         if self._poll is not None:
             self._poll.register(number, select.POLLIN | select.POLLHUP)
@@ -135,10 +146,15 @@ class _Pipe:
             raise self._late()
 
     def _late(self) -> InputError:
+        limit_s = self._limit_s()
+        if self._patient or limit_s == self._whole_s:
+            return InputError(f"cannot be read: this pipe did not end within {limit_s:g} s")
+        return InputError(f"cannot be read: nothing was written to this pipe within {limit_s:g} s")
+
+    def _limit_s(self) -> float:
         if self._patient:
-            return InputError(f"cannot be read: this pipe did not end within {WHOLE_S:g} s")
-        return InputError(f"cannot be read: nothing was written to this pipe within {WRITER_S:g} s")
+            return self._whole_s
+        return min(WRITER_S if self._opened else OPENED_S, self._whole_s)
 
     def _left_s(self) -> float:
-        limit_s = WHOLE_S if self._patient else WRITER_S
-        return self._began_s + limit_s - time.monotonic()
+        return self._began_s + self._limit_s() - time.monotonic()

@@ -8,11 +8,13 @@ program, byte for byte, is ``Form.EXACT``: docs/formats.md tells what holds for 
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
 import stat
 import sys
+import time
 from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import cache
@@ -54,6 +56,11 @@ class Stream(Enum):
 
 STDOUT = "-"
 """Standard output, as the name of a file."""
+
+READER_S = 1.0
+"""A pipe is not written to if nobody has opened it to read after so many seconds."""
+
+_LOOK_S = 0.05
 
 _JSON = ("json", "jsonl", "connections")
 
@@ -336,22 +343,46 @@ def write_text(text: str, output_file: str = STDOUT, *, form: Form = Form.TEXT) 
     write_bytes(guarded(text, form).encode("utf-8", "backslashreplace"), output_file)
 
 
-def write_bytes(data: bytes, output_file: str, *, parents: bool = False) -> None:
+def write_bytes(
+    data: bytes, output_file: str, *, parents: bool = False, within: str | None = None
+) -> None:
     """Write a file, whole or not at all; it keeps its rights, and a link stays a link.
 
-    ``parents``: make the folders that it needs. Raises GpsfsmError if it cannot be written.
+    ``parents``: make the folders that it needs. ``within``: the folder that somebody has named, out
+    of which no link in it may lead. Raises GpsfsmError if it cannot be written.
     """
     with _explained(output_file):
+        target = _target(output_file, within)
         if parents:
-            Path(output_file).parent.mkdir(parents=True, exist_ok=True)
-        _write_file(Path(os.path.realpath(output_file)), data)
+            target.parent.mkdir(parents=True, exist_ok=True)
+        mode = _mode(Path(output_file))
+        if mode is None or stat.S_ISREG(mode):
+            _write_file(target, data, mode)
+            return
+        # A pipe or /dev/null cannot be replaced, and /dev/fd/3 leads to no name of a file.
+        with open(output_file, "wb", opener=_without_waiting) as file:
+            file.write(data)
 
 
-def check_writable(output_file: str, inputs: Iterable[str], others: Iterable[str] = ()) -> None:
+def _target(output_file: str, within: str | None) -> Path:
+    """The file that is written, which a link may lead to. Raises OSError, ValueError."""
+    target = Path(os.path.realpath(output_file))
+    if within is not None and not target.is_relative_to(os.path.realpath(within)):
+        raise OSError(0, f"a link leads out of the folder {within}, to {target}")
+    return target
+
+
+def check_writable(
+    output_file: str,
+    inputs: Iterable[str],
+    others: Iterable[str] = (),
+    *,
+    within: str | None = None,
+) -> None:
     """Raise GpsfsmError for an output file that cannot be written, or that is one of ``inputs``.
 
     ``others`` are the other files that are written, or standard output. To be called before the
-    work is done, so that a wrong path costs no time.
+    work is done, so that a wrong path costs no time. ``within``: as for ``write_bytes``.
     """
     if output_file == STDOUT:
         return
@@ -359,6 +390,7 @@ def check_writable(output_file: str, inputs: Iterable[str], others: Iterable[str
     if any(os.path.realpath(path) == target for path in inputs):
         raise UsageError(f"writing {output_file} would overwrite a plan")
     with _explained(output_file):
+        _target(output_file, within)
         if Path(target).is_dir():
             raise IsADirectoryError(0, "it is a folder")
         if not Path(target).parent.is_dir():
@@ -383,13 +415,8 @@ def _explained(output_file: str) -> Iterator[None]:
         raise GpsfsmError(f"cannot write {output_file}: {system_reason(error)}") from error
 
 
-def _write_file(target: Path, data: bytes) -> None:
+def _write_file(target: Path, data: bytes, mode: int | None) -> None:
     """Through a file beside it that takes its name at the end: nobody ever reads half a report."""
-    mode = _mode(target)
-    if mode is not None and not stat.S_ISREG(mode):  # a pipe or /dev/null cannot be replaced
-        with target.open("wb") as file:
-            file.write(data)
-        return
     temporary = target.with_name(f".gpsfsm-{os.urandom(8).hex()}.tmp")
     try:
         with temporary.open("xb") as file:  # with the rights that the umask gives new files
@@ -404,6 +431,23 @@ def _write_file(target: Path, data: bytes) -> None:
         raise
 
 
+def _without_waiting(path: str, flags: int) -> int:
+    """Open a file to write; a pipe must have a reader, or get one in a moment."""
+    until_s = time.monotonic() + READER_S
+    while True:
+        try:
+            number = os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)
+        except OSError as error:
+            if error.errno != errno.ENXIO:
+                raise
+            if time.monotonic() >= until_s:
+                raise OSError(0, f"nobody has read this pipe within {READER_S:g} s") from None
+            time.sleep(_LOOK_S)
+        else:
+            os.set_blocking(number, True)
+            return number
+
+
 def _mode(target: Path) -> int | None:
     try:
         return target.stat().st_mode
@@ -414,7 +458,7 @@ def _mode(target: Path) -> int | None:
 def append_text(text: str, file: str) -> None:
     """As the steps of a pipeline do: what is there already stays, and nothing is half there."""
     try:
-        with FileIO(file, "a") as target:
+        with FileIO(file, "a", opener=_without_waiting) as target:
             before = os.fstat(target.fileno())
             rest = guarded(text).encode("utf-8", "backslashreplace")
             try:

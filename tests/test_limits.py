@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import select
+import signal
+import stat
 import subprocess
 import sys
 import threading
@@ -13,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from gpsfsm import files
+from gpsfsm import files, streams
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.cli import main
-from gpsfsm.errors import InputError, is_out_of_memory
-from gpsfsm.model.report import Verdict
+from gpsfsm.errors import GpsfsmError, InputError, is_out_of_memory
+from gpsfsm.model.report import PlanReport, Verdict
 from tests.cli.hurried_run import hurried
 from tests.cli.support import ACCEPTED, environment, run, write
 from tests.service.support import slow_plan
@@ -145,6 +147,48 @@ class TestTime:
         within = run("check", "a.xml", "--format", "json", "--time-limit", "50", cwd=tmp_path)
         assert within.stdout == without.stdout
 
+    def test_there_is_a_limit_by_default(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        def endless(text: bytes, path: str, *_: object) -> PlanReport:
+            while path == "a.xml":
+                pass
+            return PlanReport(path, Verdict.ACCEPTED, None, ())
+
+        write(tmp_path, a=ACCEPTED, b=ACCEPTED)
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr("gpsfsm.checking.check.check_text", endless)
+        monkeypatch.setattr("gpsfsm.checking.check.TIME_LIMIT_S", 0.5)
+        before = signal.getsignal(signal.SIGALRM)
+        assert main(["check", "a.xml", "b.xml"]) == 2
+        said = capsys.readouterr().out
+        assert "a.xml: error GP904 inconclusive: the plan is undecided after 0.5 s" in said
+        assert "b.xml: accepted" in said
+        assert signal.getsignal(signal.SIGALRM) is before
+        assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+    @needs_pipes
+    @pytest.mark.parametrize("name", ["pipe", "pipe.jsonl", "/dev/stdin"])
+    @pytest.mark.parametrize("jobs", ["1", "2"])
+    def test_reading_is_limited_too(self, tmp_path: Path, name: str, jobs: str) -> None:
+        """Somebody writes, and does not end."""
+        pipe = tmp_path / name.replace("/dev/stdin", "input")
+        os.mkfifo(pipe)
+        number = os.open(pipe, os.O_RDWR)
+        os.write(number, b"<Plan>")
+        done = subprocess.run(
+            [sys.executable, "-m", "gpsfsm", "check", name, "--time-limit", "0.5", "--jobs", jobs],
+            cwd=tmp_path,
+            env=environment(),
+            stdin=number,
+            capture_output=True,
+            timeout=120,
+            check=False,
+        )
+        os.close(number)
+        assert done.returncode == 2
+        assert b"cannot be read: this pipe did not end within 0.5 s" in done.stdout
+
     @pytest.mark.parametrize(
         ("words", "message"),
         [
@@ -181,8 +225,10 @@ class TestPipes:
         thread.start()
         return thread
 
-    def test_nobody_writes(self) -> None:
-        with pytest.raises(InputError, match="nothing was written to this pipe within"):
+    def test_nobody_writes(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(files, "WRITER_S", 3_600.0)
+        monkeypatch.setattr(files, "OPENED_S", 0.1)
+        with pytest.raises(InputError, match=r"nothing was written to this pipe within 0\.1 s"):
             files.read("pipe", 100)
 
     def test_somebody_does_not_end(self) -> None:
@@ -244,6 +290,23 @@ class TestPipes:
     def test_no_more_than_is_allowed(self) -> None:
         self.writer(0.0, 0.0, 0.0)
         assert files.read("pipe", 2) == b"aba"
+
+    def test_nobody_reads(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(streams, "READER_S", 0.1)
+        for write_to in (streams.write_text, streams.append_text):
+            with pytest.raises(GpsfsmError, match=r"cannot write pipe: nobody has read this pipe"):
+                write_to("a", "pipe")
+        assert stat.S_ISFIFO(Path("pipe").stat().st_mode)
+
+    @pytest.mark.parametrize("name", ["pipe", "/dev/fd/{}"])
+    def test_somebody_reads(self, name: str) -> None:
+        reading = os.open("pipe", os.O_RDONLY | os.O_NONBLOCK)
+        number = os.open("pipe", os.O_WRONLY)  # as a shell opens it for >(…)
+        streams.write_text("ab", name.format(number))
+        streams.append_text("c", name.format(number))
+        assert os.read(reading, 100) == b"abc"
+        os.close(number)
+        os.close(reading)
 
     def test_where_none_may_be(self) -> None:
         with pytest.raises(InputError, match="is not a regular file"):

@@ -247,16 +247,17 @@ class Findings:
         elements = [self._element(each.signal.node) for each in ending]
         failures = all(each.signal.event is Event.FAILED for each in ending)
         numbers = sorted({(each.file, each.line) for each in elements})
-        lines = listed([line_words(str(line), file) for file, line in numbers], most=_MOST_LINES)
+        lines = [line_words(str(line), file) for file, line in numbers]
+        where = f"line{'s' * (len(numbers) > 1)} {listed(lines, most=_MOST_LINES)}"
+        if any(each.lineless for each in elements):
+            where = listed(list(dict.fromkeys(each.where for each in elements)), most=_MOST_LINES)
         terms, fewest = self.terms, self.answers.fewest_failures
         one = len(ending) == 1
         broken = fewest is not None and fewest <= self.tolerate and self.tolerate > 0
         what = count(len(ending), "failure" if failures else "outcome")
-        message = (
-            f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (len(numbers) > 1)} {lines}: "
-        )
-        at_least = ("fewest",) in self.answers.may
-        message += f"{terms.unguarded}); {fewest_words(fewest or 0, at_least=at_least)}"
+        least = ("fewest",) in self.answers.may
+        message = f"{what} {terms.ends_it[0 if one else 1]} ({where}: {terms.unguarded}); "
+        message += fewest_words(fewest, terms, failures=failures, at_least=least)
         if broken:
             message += f", but --tolerate {self.tolerate} requires more"
         finding = rule("GP302").finding(

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.decisions.completion import give_up_claim
 from gpsfsm.analysis.on_engine import ending
 from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
-from gpsfsm.analysis.words import fewest_words, listed
+from gpsfsm.analysis.words import WITHOUT, fewest_words, listed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.finding import Finding, Related, Severity
@@ -69,7 +69,7 @@ def find(context: Context) -> Iterator[Finding]:
     terms = context.terms
     if context.engine is not None and end.hangs:
         terms = Vocabulary.ENGINE.terms
-    message = f"{_counts(context, causes, terms)}; {fewest_words(fewest)}"
+    message = _counts(context, causes, terms, fewest=fewest)
     if broken:
         message += f", but --tolerate {tolerated} requires more"
     if severity is Severity.ERROR:
@@ -104,13 +104,17 @@ def _cause(context: Context, event: DanglingEvent) -> _Cause:
     return _Cause.LAST_ATTEMPT if in_recovery else _Cause.UNGUARDED
 
 
-def _counts(context: Context, causes: Mapping[DanglingEvent, _Cause], terms: Terms) -> str:
-    """``2 of 8 failures end the plan (line 5: last step of a recovery; line 9: …)``."""
-    if not causes:
-        return f"no failure alone {terms.ends_it[0]}, but several together do"
+def _counts(
+    context: Context, causes: Mapping[DanglingEvent, _Cause], terms: Terms, *, fewest: int | None
+) -> str:
+    """``2 of 8 failures end the plan (line 5: last step of a recovery); 1 failure is enough``."""
+    if not causes:  # no event of a runner ends it, or which ones do is unknown
+        least = f" {WITHOUT}" if fewest == 0 else f"; {fewest_words(fewest, terms)}"
+        return f"the {terms.whole} can {terms.give_up}{least}"
     number, total = len(causes), _able_to_fail(context)
     what = "failure" if total == 1 else "failures"
-    if _Cause.INVERTED in causes.values():
+    failures = _Cause.INVERTED not in causes.values()
+    if not failures:
         what, total = "outcomes", total + list(causes.values()).count(_Cause.INVERTED)
     lines: dict[_Cause, set[tuple[str, int]]] = {}
     for event, cause in causes.items():
@@ -120,7 +124,8 @@ def _counts(context: Context, causes: Mapping[DanglingEvent, _Cause], terms: Ter
         f"{_lines(sorted(lines[cause]))}: {cause.text(terms)}" for cause in _Cause if cause in lines
     ]
     verb = terms.ends_it[0 if number == 1 else 1]
-    return f"{number} of {total} {what} {verb} ({'; '.join(groups)})"
+    reasons, least = "; ".join(groups), fewest_words(fewest, terms, failures=failures)
+    return f"{number} of {total} {what} {verb} ({reasons}); {least}"
 
 
 def _able_to_fail(context: Context) -> int:

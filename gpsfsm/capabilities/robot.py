@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -49,6 +50,7 @@ from gpsfsm.model.capability import Filling, Leaf, Permission, Provider, Robot, 
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import DEADLINE_S, DISCOVERY, VIA, RosSettings
 from gpsfsm.model.story import ENGINES
+from gpsfsm.streams import write_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -568,9 +570,10 @@ def write_profile(
     engine: str | None = None,
     ros: RosSettings | None = None,
 ) -> None:
-    """Write a profile that fits at once. Raises ConfigError for one that would not, or cannot.
+    """Write a profile that fits at once. Raises ConfigError for one that would not.
 
-    It is written beside its place first, and read: nothing that does not fit gets there.
+    It is written beside its place first, and read: nothing that does not fit gets there. Raises
+    GpsfsmError if it cannot be written.
     """
     lines = [f"name: {json.dumps(name)}"]
     for key, items in (("capabilities", folders), ("runners", runners)):
@@ -583,11 +586,13 @@ def write_profile(
         lines.append(f"engine: {engine}")
     if ros is not None:
         lines += ["ros:", *(f"  {key}: {json.dumps(value)}" for key, value in ros.data().items())]
-    draft = file.with_name(f".{file.name}.draft")
+    draft = file.with_name(f".{file.name}.{os.urandom(8).hex()}.draft")
+    content = "\n".join(lines) + "\n"
     try:
-        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        with draft.open("x", encoding="utf-8") as beside:
+            beside.write(content)
         choose_capabilities((), robot=draft)
-        draft.replace(file)
+        write_bytes(content.encode(), str(file), within=str(file.parent))
     except OSError as error:
         raise ConfigError(f"cannot write {file}: {error.strerror or error}") from error
     finally:

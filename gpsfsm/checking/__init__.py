@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gpsfsm.checking.check import (
         CheckOptions,
         check_graph,
+        check_in_time,
         check_input,
         check_text,
         failed,
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CheckOptions",
     "check_graph",
+    "check_in_time",
     "check_input",
     "check_text",
     "failed",

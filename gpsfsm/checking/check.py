@@ -38,6 +38,7 @@ from gpsfsm.model.report import By, Facts, PlanReport, Proof, Verdict
 from gpsfsm.model.story import PAPER_ENGINE, Vocabulary
 from gpsfsm.syntax import Limits, Parsed, parse
 from gpsfsm.tracing import span
+from gpsfsm.workers import LateError, alarm
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -56,6 +57,9 @@ if TYPE_CHECKING:
     from gpsfsm.model.tree import Forest
     from gpsfsm.syntax.trees import Includes
     from gpsfsm.tasks.task import Task
+
+TIME_LIMIT_S = 600.0
+"""The usual time limit of a plan on the command line: hardly any machine is too slow for it."""
 
 OUT_OF_MEMORY = "memory ran out before the plan was decided"
 MORE_MEMORY = "allow more memory, check with --jobs 1, or split the plan"
@@ -184,6 +188,15 @@ def check_input(item: Input, options: CheckOptions) -> PlanReport:
     return check_text(text, item.path, options, includes_of(item, text, options.limits))
 
 
+def check_in_time(item: Input, options: CheckOptions) -> PlanReport:
+    """As ``check_input``, for a command: what takes longer than is usual is undecided."""
+    try:
+        with alarm(TIME_LIMIT_S):
+            return check_input(item, options)
+    except LateError:
+        return too_late(item.path, TIME_LIMIT_S)
+
+
 def options_for(inputs: Sequence[Input], options: CheckOptions) -> CheckOptions:
     """The options under which inputs are checked: answers are read as with ``--from-response``.
 
@@ -254,6 +267,14 @@ def undecided(path: str, message: str, *, hint: str) -> PlanReport:
     """The report of a plan for which the time or the memory was not enough."""
     finding = rule("GP904").finding(message, Location(1, 1), hint=hint)
     return PlanReport(path, Verdict.UNDECIDED, None, (finding,))
+
+
+def too_late(path: str, limit_s: float) -> PlanReport:
+    """The report of a plan whose check was ended by the clock."""
+    message = f"the plan is undecided after {limit_s:g} s (time limit)"
+    return undecided(
+        path, message, hint="allow more time, split the plan, or drop some assumptions"
+    )
 
 
 def failed(path: str, message: str, *, hint: str = "") -> PlanReport:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from gpsfsm.errors import GpsfsmError, InputError, UsageError, misused
-from gpsfsm.files import read, read_from, read_whole
+from gpsfsm.files import read, read_from
 from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
@@ -59,42 +59,45 @@ class Input:
         return self.answers or self.path
 
 
-def find_inputs(paths: Sequence[str], field: str | None = None) -> Iterator[Input]:
+def find_inputs(
+    paths: Sequence[str], field: str | None = None, *, within_s: float | None = None
+) -> Iterator[Input]:
     """Every plan that the paths name, each once: files as they are, folders recursively.
 
     A folder stands for its ``*.xml`` files in the order of their paths; ``-`` is standard input.
     Links to folders are not followed, so that no plan comes twice and no walk goes in circles.
     A file of JSON lines stands for its answers, one for each line; so does standard input if
-    ``field`` says which field they are in (``a.b``: ``b`` in ``a``). Raises UsageError if it does
-    and there are no JSON lines.
+    ``field`` says which field they are in (``a.b``: ``b`` in ``a``). ``within_s``: as for
+    ``files.read``. Raises UsageError if there is a field, and there are no JSON lines.
     """
     seen: set[tuple[str, bool]] = set()
     if field is not None and not any(holds_lines(path, field) for path in paths):
         endings = " or ".join(LINES)
         raise UsageError(f"--field needs JSON lines: a file that ends in {endings}, or -")
     for path in paths:
-        for item in _answers(path, field) if holds_lines(path, field) else _expand(path):
+        lines = holds_lines(path, field)
+        for item in _answers(path, field, within_s) if lines else _expand(path):
             key = (os.path.normpath(item.path), item.stdin)
             if key not in seen:
                 seen.add(key)
                 yield item
 
 
-def read_bytes(item: Input, max_bytes: int) -> bytes:
+def read_bytes(item: Input, max_bytes: int, *, within_s: float | None = None) -> bytes:
     """The text of one input, at most one byte more than is allowed; raises InputError.
 
     The byte more tells the front end that the text is too long; the rest of a huge file is never
-    read.
+    read. ``within_s``: as for ``files.read``.
     """
     if item.problem:
         raise InputError(item.problem)
     if item.answers:
         return item.text[: max_bytes + 1]
     if item.stdin:
-        return _read_stdin(max_bytes)
+        return _read_stdin(max_bytes, within_s)
     if _is_folder(item.path):
         raise InputError("is a folder")
-    return read(item.path, max_bytes)
+    return read(item.path, max_bytes, within_s=within_s)
 
 
 def read_named(path: str, max_bytes: int) -> tuple[str, bytes]:
@@ -175,7 +178,7 @@ def holds_lines(path: str, field: str | None) -> bool:
     return path.lower().endswith(LINES) and not _is_folder(path)
 
 
-def _answers(path: str, field: str | None) -> Iterator[Input]:
+def _answers(path: str, field: str | None, within_s: float | None) -> Iterator[Input]:
     """The answers in a file of JSON lines, ``file:line`` by name; a line that holds none says why.
 
     The last line may end without a line break. Nothing is skipped, empty lines neither: each is an
@@ -184,7 +187,7 @@ def _answers(path: str, field: str | None) -> Iterator[Input]:
     stdin = path == "-"
     name = STDIN if stdin else path
     try:
-        content = _whole(path)
+        content = _whole(path, within_s)
     except InputError as error:
         yield Input(name, str(error), stdin, name)
         return
@@ -212,10 +215,9 @@ def _bare(line: bytes, *, first: bool) -> bytes:
     return line.removeprefix(codecs.BOM_UTF8 if first else b"").removesuffix(b"\n")
 
 
-def _whole(path: str) -> bytes:
-    if path != "-":
-        return read_whole(path, MOST_LINES_BYTES)
-    content = _read_stdin(MOST_LINES_BYTES)
+def _whole(path: str, within_s: float | None) -> bytes:
+    whole = Input(path, stdin=path == "-")
+    content = read_bytes(whole, MOST_LINES_BYTES, within_s=within_s)
     if len(content) > MOST_LINES_BYTES:
         raise InputError(f"is larger than {MOST_LINES_BYTES:,} bytes")
     return content
@@ -374,14 +376,14 @@ def _entry(entry: os.DirEntry[str], top: str) -> Iterator[Input]:
         yield Input(path, _NOT_REGULAR)
 
 
-def _read_stdin(max_bytes: int) -> bytes:
+def _read_stdin(max_bytes: int, within_s: float | None) -> bytes:
     if sys.stdin is None:  # the caller closed it; typeshed does not know
         raise InputError("cannot be read: standard input is closed")
     try:
         number = sys.stdin.fileno()
     except (OSError, ValueError, AttributeError):  # somebody has put something in its place
         return _read_substitute(max_bytes)
-    return read_from(number, max_bytes)
+    return read_from(number, max_bytes, within_s=within_s)
 
 
 def _read_substitute(max_bytes: int) -> bytes:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
-from gpsfsm.checking import CheckOptions, check_text, failed, undecided, unreadable
+from gpsfsm.checking import CheckOptions, check_text, failed, unreadable
+from gpsfsm.checking.check import TIME_LIMIT_S, too_late
 from gpsfsm.checking.includes import includes_of
 from gpsfsm.checking.inputs import Input, read_bytes
 from gpsfsm.errors import InputError
@@ -29,7 +30,6 @@ CheckItem: TypeAlias = "tuple[str, bytes, Includes | None]"
 """The path of an input, its text, and the files that this includes."""
 _Result = TypeVar("_Result")
 _HINT = "check it with more memory, or with --jobs 1"
-_MORE_TIME = "allow more time, split the plan, or drop some assumptions"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,18 +54,24 @@ def check_inputs(
     """Check every input, in order, where ``jobs`` says (docs/scale.md).
 
     The reports do not depend on ``jobs``. A defect of gpsfsm that one plan brings to light is
-    reported for that plan. What is not decided after ``time_limit_s`` is undecided; then another
-    process checks, also with one job, since that can be ended. Raises UsageError for options that
-    make no sense, and for an engine that is not to be had.
+    reported for that plan. What is not read or not decided after ``time_limit_s`` is undecided;
+    then another process checks, also with one job, since that can be ended. Raises UsageError for
+    options that make no sense, and for an engine that is not to be had.
     """
     engine = engine_of(jobs, len(inputs), timeout_s=time_limit_s)
-    texts = items_of(inputs, options.limits)
+    texts = items_of(inputs, options.limits, within_s=time_limit_s)
 
     def late(item: CheckItem) -> PlanReport:
         assert time_limit_s is not None
         return too_late(item[0], time_limit_s)
 
     return map_items(engine, CheckWork(options), texts, lost=_not_checked, late=late)
+
+
+def limit_of(jobs: int | str, time_limit_s: float | None) -> float | None:
+    """The time limit of each plan for ``--jobs``, by default the usual; a cluster can end none."""
+    usual_s = None if str(jobs).strip().startswith("ray") else TIME_LIMIT_S
+    return usual_s if time_limit_s is None else time_limit_s
 
 
 def texts_of(
@@ -82,22 +88,17 @@ def texts_of(
             yield Settled(refuse(item.path, str(error)))
 
 
-def items_of(inputs: Iterable[Input], limits: Limits) -> Iterator[CheckItem | Settled[PlanReport]]:
-    """The texts of inputs, with the files that they include."""
+def items_of(
+    inputs: Iterable[Input], limits: Limits, *, within_s: float | None = None
+) -> Iterator[CheckItem | Settled[PlanReport]]:
+    """The texts of inputs, and the files that they include. ``within_s``: as for ``files.read``."""
     for item in inputs:
         try:
-            text = read_bytes(item, limits.max_bytes)
+            text = read_bytes(item, limits.max_bytes, within_s=within_s)
         except InputError as error:
             yield Settled(unreadable(item.path, str(error)))
         else:
             yield item.path, text, includes_of(item, text, limits)
-
-
-def too_late(path: str, limit_s: float) -> PlanReport:
-    """The report of a plan whose check was ended by the clock."""
-    return undecided(
-        path, f"the plan is undecided after {limit_s:g} s (time limit)", hint=_MORE_TIME
-    )
 
 
 def _not_checked(item: CheckItem, how: str) -> PlanReport:

@@ -141,7 +141,7 @@ class CheckCommand(CheckValues, FailValues):
     "--time-limit",
     type=NumberRange(0.1, 86_400.0),
     metavar="SECONDS",
-    help="Time limit per plan; beyond it, the plan is undecided, exit code 2. [default: none]",
+    help="Time limit per plan and its reading; beyond it: undecided, exit code 2. [default: 600]",
 )
 @limit_options
 @config_options
@@ -172,7 +172,7 @@ def _run(values: CheckCommand) -> int:
     options = _with_task(values.options(), values.task)
     output_format = find_format(values.format)
     apply_baseline = _baseline(None if values.no_baseline else values.baseline)
-    inputs = list(find_inputs(values.paths, values.field))
+    inputs = list(find_inputs(values.paths, values.field, within_s=values.time_limit))
     options = options_for(inputs, options)
     check_writable(values.output_file, [each.file for each in inputs if not each.stdin])
 
@@ -239,12 +239,13 @@ def _check_all(
 ) -> Iterator[PlanReport]:
     jobs, limit_s = values.jobs, values.time_limit
     if str(jobs).strip() == "1" and limit_s is None:  # without what starts processes
-        from gpsfsm.checking import check_input
+        from gpsfsm.checking import check_in_time
 
-        reports: Iterator[PlanReport] = (check_input(each, options) for each in inputs)
+        reports: Iterator[PlanReport] = (check_in_time(each, options) for each in inputs)
     else:
-        from gpsfsm.checking.parallel import check_inputs
+        from gpsfsm.checking.parallel import check_inputs, limit_of
 
+        limit_s = limit_of(jobs, limit_s)
         reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=limit_s)
     if values.quiet:
         yield from reports

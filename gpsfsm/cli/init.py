@@ -76,7 +76,7 @@ def command(
     if present and not force:
         raise UsageError(f"{' and '.join(present)} would be overwritten; use --force to do so")
     for each in files:  # both or none
-        check_writable(each, ())
+        check_writable(each, (), within=".")
     write_profile(
         Path("robot.yaml"), name or "robot", capabilities, runners, area=area, engine=engine
     )

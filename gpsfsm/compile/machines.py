@@ -27,6 +27,7 @@ from gpsfsm.model.plan import (
     Kind,
     Location,
     Value,
+    sharing_lines,
 )
 from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
@@ -51,10 +52,13 @@ _ENDS = (NodeKind.COMPLETE, NodeKind.GIVE_UP)
 
 
 class Place(NamedTuple):
-    """The place of a node in a file: line and column from 1, offsets in code points."""
+    """The place of a node in a file: line and column from 1, offsets in code points.
 
-    line: int = 1
-    column: int = 1
+    Without one, as in a graph that is handed in, line and column are 0.
+    """
+
+    line: int = 0
+    column: int = 0
     start: int = 0
     end: int = 0
 
@@ -96,6 +100,7 @@ class _Reader:
         self.approximations = approximations
         self.file = file
         self.places = places
+        self.whole = Place(1, 1) if places else Place()
         self.problems: list[Problem] = []
         self.kinds: dict[Hashable, NodeKind] = {}
         self.elements: dict[Hashable, tuple[Attribute, ...]] = {}
@@ -125,7 +130,7 @@ class _Reader:
 
     def fault(self, name: Hashable | None, message: str, hint: str) -> None:
         """Something is wrong with a node, or with the machine as a whole."""
-        place = self.places.get(name, Place())
+        place = self.whole if name is None else self.places.get(name, Place())
         path = "/machine" if name is None else f"/machine/{name}"
         text = message if name is None else f"the node {shown(name)} {message}"
         location = Location(place.line, place.column, clip(path, _LONGEST_NAME))
@@ -290,7 +295,7 @@ class _Reader:
             if end not in self.kinds.values():
                 order.append((object(), end))
         number = {name: index for index, (name, _) in enumerate(order)}
-        elements = [Element(0, Kind.PLAN, -1, 1, tuple(range(1, len(order) + 1)), (), 1, 1, 0, 0)]
+        elements = [Element(0, Kind.PLAN, -1, 1, tuple(range(1, len(order) + 1)), (), *self.whole)]
         paths = ["/machine"]
         nodes: list[Node] = []
         for index, (name, kind) in enumerate(order):
@@ -309,6 +314,7 @@ class _Reader:
                     start=place.start,
                     end=place.end,
                     tag="" if runs else kind.value,
+                    node=clip(str(name), _LONGEST_NAME) if name in self.kinds else "",
                 )
             )
             paths.append(f"/machine/{name if name in self.kinds else kind.value}")
@@ -321,7 +327,7 @@ class _Reader:
         marked = tuple(each for row in marks.values() for each in row)
         return MachinePlan(
             self.file,
-            tuple(elements),
+            sharing_lines(elements),
             paths=tuple(paths),
             nodes=tuple(nodes),
             edges=connections[0],

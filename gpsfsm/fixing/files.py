@@ -212,7 +212,7 @@ def _write(source: Input, data: bytes, fixed: Fixed, wish: Wish) -> None:
         return
     result = _bytes(data, fixed)
     _refuse_read_only(target, source.path)
-    write_plan(result, fixed.text, target)
+    write_plan(result, fixed.text, target, within=source.root if target == source.path else "")
 
 
 def _bytes(data: bytes, fixed: Fixed) -> bytes:
@@ -257,10 +257,13 @@ def _refuse_read_only(target: str, own: str) -> None:
         raise GpsfsmError("cannot write: the file is read-only; use -o to write another file")
 
 
-def write_plan(data: bytes, text: str, target: str) -> None:
-    """Write the bytes of a plan to a file or to standard output; a terminal is shown its text."""
+def write_plan(data: bytes, text: str, target: str, *, within: str = "") -> None:
+    """Write the bytes of a plan to a file or to standard output; a terminal is shown its text.
+
+    ``within``: the folder that was named instead of the file.
+    """
     if target != STDOUT:
-        write_bytes(data, target)
+        write_bytes(data, target, within=within or None)
     else:
         to_stdout(text if is_terminal(Stream.OUT) else data, Form.EXACT)
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import GpsfsmError, InputError, system_reason
+from gpsfsm.errors import InputError
 from gpsfsm.files import read
 from gpsfsm.fuzzing.runs import scenario_of
 from gpsfsm.fuzzing.subject import FAULTS, LONGEST_MS, Act, Fate, TimedScenario, in_ms
 from gpsfsm.model.labels import action
 from gpsfsm.report.json import scenario_as_data
+from gpsfsm.streams import write_bytes
 from gpsfsm.strict_json import json_defect, strict_loads
 
 if TYPE_CHECKING:
@@ -88,15 +88,7 @@ def keep_case(failure: Failure, source: str, folder: str, *, seed: int = 0) -> P
     """Write a case into a folder, which is made if need be; the path. Raises GpsfsmError."""
     text = case_text(failure, source, seed=seed)
     path = Path(folder) / case_name(failure, text)
-    part = path.with_suffix(".part")  # half a case would be in the way of the next campaign
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, encoding="utf-8", newline="\n")
-        part.replace(path)
-    except (OSError, ValueError) as error:
-        with suppress(OSError, ValueError):
-            part.unlink(missing_ok=True)
-        raise GpsfsmError(f"cannot write {path}: {system_reason(error)}") from error
+    write_bytes(text.encode(), str(path), parents=True, within=folder)
     return path
 
 

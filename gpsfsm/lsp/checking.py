@@ -57,7 +57,7 @@ TIMEOUT_S = 60.0
 """What a check may take."""
 _STALE_S = 2.0
 _PATIENCE_S = 5.0
-_HINT = "check it on the command line, where there is no time limit unless you set one"
+_HINT = "check it on the command line, where --time-limit sets the time that it may take"
 _MOST_FOLDERS = 100
 _MEMORY_MB = 2_048
 _MOST_JOBS = 5_000

@@ -114,7 +114,9 @@ def parameters_label(
 
 
 def _place(element: Element) -> str:
-    """Its place: ``line 5``, or ``line 5:9`` if it is not alone there."""
+    """Its place: ``line 5``, or ``line 5:9`` if it is not alone there; or the name of a node."""
+    if element.lineless:
+        return element.where
     column = f":{element.column}" if element.shares_line else ""
     return line_words(f"line {element.line}{column}", element.file)
 

@@ -82,10 +82,12 @@ class Location:
     def words(self) -> str:
         """The line, for people, with the name of the file if it is an included one.
 
+        Without a line it is the element, as in a graph.
+
         >>> Location(5, 1).words, Location(5, 1, file="arm.xml").words
         ('line 5', 'line 5 of arm.xml')
         """
-        return line_words(f"line {self.line}", self.file)
+        return line_words(f"line {self.line}", self.file) if self.line else self.element
 
 
 def line_words(line: str, file: str) -> str:
@@ -122,7 +124,8 @@ class Element:
     file calls them. ``shares_line``: something called alike begins on the same line, so that the
     line alone does not tell which one is meant (``sharing_lines``). ``written``: what
     ``attributes`` are made of when they are first asked for, where the reader left them unset.
-    ``file`` is that of its location, in whose text the offsets are.
+    ``file`` is that of its location, in whose text the offsets are. ``node`` is the name of a node
+    of a machine; without a text, as in a graph, ``line`` is 0.
     """
 
     index: int
@@ -140,6 +143,7 @@ class Element:
     shares_line: bool = False
     written: Written | None = None
     file: str = ""
+    node: str = ""
 
     if not TYPE_CHECKING:  # else any name would be taken for one of an element's
 
@@ -154,9 +158,19 @@ class Element:
 
     @property
     def where(self) -> str:
-        """Its place: ``line 5``, or ``line 5 column 9`` if it is not alone there."""
+        """Its place: ``line 5``, or ``line 5 column 9`` if it is not alone there.
+
+        A node of a machine that has no line of its own is called by its name: ``node 'drive'``.
+        """
+        if self.lineless:
+            return f"node '{self.node}'"
         line = f"line {self.line}" + (f" column {self.column}" if self.shares_line else "")
         return line_words(line, self.file) if self.file else line
+
+    @property
+    def lineless(self) -> bool:
+        """True for a node of a machine that has no line of its own, so that its name tells more."""
+        return bool(self.node) and (self.shares_line or not self.line)
 
     @property
     def spot(self) -> tuple[str, int]:

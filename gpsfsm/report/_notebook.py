@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.compile import compile_plan
 from gpsfsm.model.finding import Confidence, Finding
-from gpsfsm.model.printable import clip
+from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import Report
 from gpsfsm.picture import automaton_to_svg
 from gpsfsm.report import render
@@ -19,6 +19,7 @@ from gpsfsm.report._words import (
     count,
     excerpt,
     has_line,
+    has_place,
     split_lines,
     summary,
     suppressed_line,
@@ -98,8 +99,8 @@ def finding_text(finding: Finding) -> str:
     """One finding in a line, after its place in the text, and its hint."""
     rule, message = f"{finding.rule} {finding.name}", clip(finding.message, MAX_MESSAGE)
     location = finding.location
-    place = f"line {location.line}, column {location.column}: "
-    words = f"{place}{finding.severity.value} {rule}: {message}"
+    place = f"line {location.line}, column {location.column}" if location.line else location.element
+    words = f"{printable(place)}: {finding.severity.value} {rule}: {message}"
     return f"{words}\nhint: {clip(finding.hint, MAX_MESSAGE)}" if finding.hint else words
 
 
@@ -169,7 +170,7 @@ def _heading(path: str) -> str:
 
 def _finding(finding: Finding, lines: list[str]) -> Iterator[str]:
     severity = finding.severity.value
-    place = f", {_text(finding.location.words)}" if has_line(finding) else ""
+    place = f", {_text(finding.location.words)}" if has_place(finding) else ""
     yield f'<div class="finding {severity}">'
     yield (
         f"<p><b>{severity} {_text(finding.rule)} {_text(finding.name)}</b>{place}: "

@@ -58,12 +58,14 @@ def count(number: int, one: str, several: str = "") -> str:
 
 
 def place(path: str, location: Location) -> str:
-    """``file:line:column``, or the file alone where there is no line.
+    """``file:line:column``, or the file and the element, if there is any, where there is no line.
 
     ``path`` is that of the plan; a place in a file that it includes is there.
     """
     shown = printable(location.file or path)
-    return f"{shown}:{location.line}:{location.column}" if location.line > 0 else shown
+    if location.line > 0:
+        return f"{shown}:{location.line}:{location.column}"
+    return f"{shown}:{printable(location.element)}" if location.element else shown
 
 
 def has_line(finding: Finding) -> bool:
@@ -76,9 +78,14 @@ def has_line(finding: Finding) -> bool:
     return finding.location.line > 0 and not whole_input
 
 
+def has_place(finding: Finding) -> bool:
+    """True if a finding has a line, or, as in a graph, an element without one."""
+    return has_line(finding) or bool(not finding.location.line and finding.location.element)
+
+
 def where(path: str, finding: Finding) -> str:
     """The place of a finding, or the file alone where it has none."""
-    return place(path, finding.location) if has_line(finding) else printable(path)
+    return place(path, finding.location) if has_place(finding) else printable(path)
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:

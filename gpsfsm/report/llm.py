@@ -15,7 +15,14 @@ from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import Format, RenderOptions
-from gpsfsm.report._words import PRECISION, count, has_line, split_lines, worst_first
+from gpsfsm.report._words import (
+    PRECISION,
+    count,
+    has_line,
+    has_place,
+    split_lines,
+    worst_first,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -107,7 +114,7 @@ def _finding(finding: Finding, number: int, source: Sequence[str]) -> Iterator[s
         kind += " (a guess at what you intend)"
     if finding.confidence is Confidence.MAY:
         kind += " (possible, not proved)"
-    place = f" at {finding.location.words}" if has_line(finding) else ""
+    place = f" at {finding.location.words}" if has_place(finding) else ""
     yield f"{number}. {kind} {finding.rule}{place}: {clip(finding.message, _MAX_TEXT)}"
     line = finding.location.line
     if has_line(finding) and line <= len(source) and source[line - 1].strip():

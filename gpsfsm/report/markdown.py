@@ -18,6 +18,7 @@ from gpsfsm.report._words import (
     PRECISION,
     count,
     has_line,
+    has_place,
     setting_line,
     suppressed_line,
     totals,
@@ -82,7 +83,10 @@ def _serious(finding: Finding) -> bool:
 
 def _finding(plan: PlanReport, finding: Finding) -> Iterator[str]:
     place = _text(plan.file_of(finding.location))
-    place += f", line {finding.location.line}" if has_line(finding) else ""
+    if has_line(finding):
+        place += f", line {finding.location.line}"
+    elif has_place(finding):
+        place += f", {_text(finding.location.element)}"
     head = f"**{finding.severity.value} {_text(finding.rule)} {_text(finding.name)}**"
     yield f"- {head} ({place}): {_text(finding.message)}"
     if finding.hint:

@@ -27,6 +27,7 @@ from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import CAPABILITIES2, RosSettings
 from gpsfsm.ros.capabilities2 import Server
 from gpsfsm.ros.node import RosError, choose, process_node, waited
+from gpsfsm.streams import write_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -269,9 +270,7 @@ def pull_into(
 def _write(folder: Path, name: str, pulled: Pulled, settings: RosSettings) -> tuple[str, list[str]]:
     folder.mkdir(parents=True, exist_ok=True)
     for path, text in pulled.files.items():
-        file = folder / path
-        file.parent.mkdir(parents=True, exist_ok=True)
-        _replace(file, text)
+        write_bytes(text.encode(), str(folder / path), parents=True, within=str(folder))
     problems = list(pulled.problems)
     if pulled.files:
         problems += _defects(folder)
@@ -290,17 +289,6 @@ def _write(folder: Path, name: str, pulled: Pulled, settings: RosSettings) -> tu
         f"{len(pulled.files)} capability files"
     )
     return written, problems
-
-
-def _replace(file: Path, text: str) -> None:
-    """Write a file beside its place first; a link there is replaced, not followed."""
-    draft = file.with_name(f".{file.name}.draft")
-    draft.unlink(missing_ok=True)
-    try:
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(file)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def _defects(folder: Path) -> list[str]:

@@ -283,7 +283,7 @@ def _errors_alone(report: PlanReport) -> PlanReport:
 def _refused(report: PlanReport, reason: Reason, why: str, whole: str) -> Refused:
     """The errors are for the journal and for the runner that has submitted the plan."""
     lines = tuple(
-        f"{finding.rule} at line {finding.location.line}: {finding.message}"
+        f"{finding.rule} at {finding.location.words}: {finding.message}"
         for finding in _errors(report)[:_MOST]
     )
     texts = {
@@ -296,5 +296,5 @@ def _refused(report: PlanReport, reason: Reason, why: str, whole: str) -> Refuse
 
 def _written(report: PlanReport) -> str:
     """The errors, for the journal of a plan that runs nevertheless."""
-    errors = [f"{finding.rule} at line {finding.location.line}" for finding in _errors(report)]
+    errors = [f"{finding.rule} at {finding.location.words}" for finding in _errors(report)]
     return ", ".join(errors[:_MOST])

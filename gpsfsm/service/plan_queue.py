@@ -280,7 +280,8 @@ class PlanQueueClient:
         """Let it stop between two events; the journal says what is left to do."""
         self._closing = True
         process = self._process
-        if process is not None and process.alive:
+        code = None if process is None else process.code
+        if process is not None and code is None:  # as far as the listener has seen
             with suppress(GoneError):
                 await process.send({"op": "stop"})
             await process.end(within_s=self._settings.grace_s)

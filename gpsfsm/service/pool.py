@@ -103,7 +103,7 @@ class Staff:
     @property
     def alive(self) -> int:
         """The number of workers that can work at once."""
-        return min(len(self._able), self.most)
+        return min(sum(each.alive for each in self._able), self.most)
 
     async def start(self) -> None:
         """Start all workers. Raises GpsfsmError if they cannot work with these settings."""

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 _FAILED = 2
 _FILES = 65_536
 _BACKLOG = 2_048
+_HEAD_BYTES = 32_768
 _LEAST_BODY_FILES = 64
 
 
@@ -77,7 +78,7 @@ def _run(settings: Settings) -> int:
         timeout_keep_alive=max(1, round(settings.idle_s)),
         timeout_graceful_shutdown=max(1, round(settings.grace_s)),
         backlog=_BACKLOG,
-        h11_max_incomplete_event_size=32_768,
+        h11_max_incomplete_event_size=_HEAD_BYTES,
     )
     server = Server(config, app.state.core, _address(settings, listening))
     try:
@@ -188,6 +189,24 @@ def _answer(status: int, detail: str, *headers: str) -> bytes:
     return head.encode() + b"\r\n\r\n" + body
 
 
+class _Connection(h11.Connection):
+    """A connection whose requests end where everybody says that they end.
+
+    h11 refuses two lengths that differ and unknown codings. It lets a coding win over a length, and
+    over HTTP/1.0; a proxy that does not sees another request in the rest of the body.
+    """
+
+    def next_event(self) -> Any:
+        """The next event. Raises RemoteProtocolError."""
+        event = super().next_event()
+        if isinstance(event, h11.Request):
+            names = {name for name, _ in event.headers}
+            coded = b"transfer-encoding" in names
+            if coded and (b"content-length" in names or event.http_version == b"1.0"):
+                raise h11.RemoteProtocolError("the length of the body is not clear")
+        return event
+
+
 class _Guarded(H11Protocol):
     """A connection within bounds."""
 
@@ -195,6 +214,7 @@ class _Guarded(H11Protocol):
 
     def __init__(self, *args: Any, **named: Any) -> None:
         super().__init__(*args, **named)
+        self.conn = _Connection(h11.SERVER, _HEAD_BYTES)
         self.peer = ""
         self._admitted = False
         self._head: asyncio.TimerHandle | None = None

@@ -365,7 +365,7 @@ class _PlainReader:
             if control_type is None or form.empty or (kind is Kind.PLAN and index):
                 raise _UnusualError
         element = _element(
-            index, kind, here.parent, ordinal, (), *place, control_type, "", False, tag, ""
+            index, kind, here.parent, ordinal, (), *place, control_type, "", False, tag, "", ""
         )
         elements.append(element)
         if form.empty:

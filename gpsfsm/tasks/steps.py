@@ -101,7 +101,8 @@ class StepsMonitor:
             return None  # an action that never ends leaves nothing to demand
         if state.phase is _Phase.LOST:
             return self._swallowed(state) if end is End.COMPLETED else None
-        if end is End.GAVE_UP and state.excused and state.attempt == 0:
+        alternative_due = state.phase is _Phase.DUE and state.attempt > 0
+        if end is End.GAVE_UP and state.excused and not alternative_due:
             return None
         if state.phase is _Phase.DONE:
             if end is End.COMPLETED:

@@ -112,7 +112,9 @@ class Words:
         return f"{what} '{clip(name, _MAX_NAME)}'" if name else what
 
     def line(self, node: int) -> str:
-        """``line  5``, as wide for every line of the plan."""
+        """``line  5``, as wide for every line of the plan; ``node 'drive'`` where there is none."""
+        if self.element(node).lineless:
+            return self.element(node).where
         return f"line {self.element(node).line:>{self._line_width}}"
 
     def shown(self, record: Record, detail: Detail) -> bool:

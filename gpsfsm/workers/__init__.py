@@ -3,16 +3,22 @@
 ``map_items`` does it and gives the results in the order of the items, whatever the engine. An
 engine is one module in ``gpsfsm.workers.builtin``; ``engine_of`` finds that which ``--jobs`` names.
 Nothing in this package knows what the items are. The names below are loaded when they are first
-used: the limit of memory, which every check takes, is here too.
+used: the limits of memory and of time, which every check takes, are here too.
 """
 
 from __future__ import annotations
 
 import importlib
+import signal
 import sys
+import threading
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import FrameType
+
     from gpsfsm.workers.engines import (
         LATER,
         Chunk,
@@ -115,3 +121,40 @@ def require_free(size: int) -> None:
         mmap.mmap(-1, size).close()
     except OSError as error:
         raise MemoryError from error
+
+
+# ---- A bound on the time of a part of this process -----------------------------------------------
+
+
+class LateError(BaseException):
+    """The time is up; nothing on its way takes it for a defect of what is done."""
+
+
+@contextmanager
+def alarm(seconds: float) -> Iterator[None]:
+    """Raise LateError after this time, where the system can; what C code has begun ends before.
+
+    A finaliser would swallow it, so it does not strike there, and comes again until it has struck.
+    """
+    can = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
+    if not can:
+        yield
+        return
+
+    def strike(_number: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if frame.f_code.co_name == "__del__":
+                return
+            frame = frame.f_back
+        raise LateError
+
+    before = signal.signal(signal.SIGALRM, strike)
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    try:
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+    finally:  # it may have struck in there
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

@@ -251,8 +251,17 @@ class AsyncChildProcess:
 
     @property
     def alive(self) -> bool:
-        """True while it runs, as far as is known."""
-        return self._process.returncode is None
+        """True while it runs; the system is asked, since the event loop learns it a little later.
+
+        Where the system cannot be asked, as on older systems of Apple, the loop has to do.
+        """
+        if self._process.returncode is not None or not hasattr(os, "waitid"):
+            return self._process.returncode is None
+        try:
+            how = os.WEXITED | os.WNOHANG | os.WNOWAIT  # whoever waits for it still does
+            return os.waitid(os.P_PID, self._process.pid, how) is None
+        except ChildProcessError:  # it was waited for
+            return False
 
     @property
     def code(self) -> int | None:
@@ -313,6 +322,6 @@ class AsyncChildProcess:
             with suppress(TimeoutError):
                 async with asyncio.timeout(within_s):
                     await self._process.wait()
-        if self.alive:  # not by its own method, which may wait for it before the loop does
+        if self.code is None:  # not by its own method, which may wait for it before the loop does
             _kill_all(self._process.pid)
         await self._process.wait()

@@ -41,7 +41,7 @@ def said(*connections: str, options: dict[str, Any] | None = None, **needs: int)
 
 def test_a_runner_that_nothing_triggers() -> None:
     assert said("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED end", "b SUCCEEDED end") == [
-        ("error GP301 /machine/b", "no run of the machine triggers b at line 1", [])
+        ("error GP301 /machine/b", "no run of the machine triggers b at node 'b'", [])
     ]
 
 
@@ -59,7 +59,7 @@ def test_a_machine_that_always_gives_up() -> None:
     assert message[0] == (
         "error GP305 /machine",
         "this machine gives up in every run",
-        ["a at line 1 succeeds"],
+        ["a at node 'a' succeeds"],
     )
     assert [rule for rule, _, _ in message] == ["error GP305 /machine"]
 
@@ -80,13 +80,13 @@ def test_a_machine_that_is_stuck() -> None:
     assert sometimes == [
         (
             "warning GP302 /machine/a",
-            "if a at line 1 fails, nothing handles that: the machine is stuck",
-            ["a at line 1 fails"],
+            "if a at node 'a' fails, nothing handles that: the machine is stuck",
+            ["a at node 'a' fails"],
         ),
         (
             "error GP306 /machine",
             f"this machine can get stuck: {stuck}",
-            ["a at line 1 fails", end],
+            ["a at node 'a' fails", end],
         ),
     ]
     always = said("start SUCCEEDED a")
@@ -99,7 +99,7 @@ def test_a_hanging_runner_leaves_a_machine_stuck() -> None:
     assert said(*complete) == []
     (message,) = said(*complete, options={"faults": ["hang"]})
     assert message[0] == "error GP306 /machine"
-    assert message[2][0] == "a at line 1 starts and never ends"
+    assert message[2][0] == "a at node 'a' starts and never ends"
 
 
 def test_events_that_end_the_run() -> None:
@@ -109,8 +109,8 @@ def test_events_that_end_the_run() -> None:
     assert message == [
         (
             "info GP302 /machine/b",
-            "1 outcome ends the machine (line 1: nothing handles it); no failure is needed",
-            ["a at line 1 succeeds", "b at line 1 succeeds"],
+            "1 outcome ends the machine (node 'b': nothing handles it); no failure is needed",
+            ["a at node 'a' succeeds", "b at node 'b' succeeds"],
         )
     ]
 
@@ -122,10 +122,10 @@ def test_what_is_still_active_at_completion() -> None:
     )[:1]
     assert message == (
         "warning GP311 /machine/a",
-        "the machine can complete while a at line 1 is still active",
+        "the machine can complete while a at node 'a' is still active",
         [
-            "b at line 1 succeeds",
-            "the machine completes while a at line 1 is still running",
+            "b at node 'b' succeeds",
+            "the machine completes while a at node 'a' is still running",
         ],
     )
 
@@ -156,7 +156,11 @@ def test_joins_that_wait_for_ever(more: tuple[str, ...], severity: str, then: st
     assert actual[1] == (
         f"the join j can receive some of its inputs and wait for the others for ever: {then}"
     )
-    assert actual[2][0] in ("a at line 1 succeeds", "b at line 1 succeeds", "a at line 1 fails")
+    assert actual[2][0] in (
+        "a at node 'a' succeeds",
+        "b at node 'b' succeeds",
+        "a at node 'a' fails",
+    )
 
 
 def test_long_stories_leave_out_their_middle() -> None:
@@ -520,3 +524,24 @@ def test_a_tree_that_is_too_large_is_decided_without_counting_rounds(
     assert "reach more than 5 configurations" in next(
         each.message for each in report.findings if each.rule == "GP904"
     )
+
+
+def two_alike() -> Any:
+    graph = machine("start SUCCEEDED first", "first SUCCEEDED second", "second SUCCEEDED end")
+    for each in ("first", "second"):
+        graph.nodes[each]["interface"] = "Go"
+    return graph
+
+
+@pytest.mark.parametrize("name", ["text", "llm", "markdown", "json", "sarif", "github"])
+def test_a_graph_has_nodes_and_no_lines(name: str) -> None:
+    report = gpsfsm.check(two_alike(), builtin_capabilities=False)
+    assert {finding.location.line for finding in report.findings} == {0}
+    shown = gpsfsm.render(report, name)
+    assert "Go at node 'first' fails" in shown
+    assert "Go at node 'second' fails" in shown
+    assert "line 0" not in shown
+    assert "line 1" not in shown
+    assert ":1:1" not in shown
+    text = str(report.findings[0])
+    assert text.startswith("/machine/first: info GP210")

@@ -111,6 +111,26 @@ def test_folders_and_links(tmp_path: Path) -> None:
     assert done.stdout.decode().splitlines()[-1] == "2 fixes in 1 plan; findings: 6 before, 4 after"
 
 
+@pytest.mark.parametrize("words", [("fix",), ("check", "--fix")])
+def test_links_out_of_a_folder_are_not_followed(tmp_path: Path, words: tuple[str, ...]) -> None:
+    write(tmp_path / "plans", a=_DAMAGED)
+    write(tmp_path / "elsewhere", b=_DAMAGED)
+    Path("plans/link.xml").symlink_to("../elsewhere/b.xml")
+    Path("plans/same.xml").symlink_to("a.xml")
+    done = run(*words, "plans", cwd=tmp_path)
+    assert done.returncode == 2
+    target = Path("elsewhere/b.xml").resolve()
+    assert f"cannot write plans/link.xml: a link leads out of the folder plans, to {target}" in (
+        done.stderr.decode()
+    )
+    assert _read("elsewhere/b.xml") == _DAMAGED
+    assert _read("plans/a.xml") == ACCEPTED
+    assert Path("plans/link.xml").is_symlink()
+    assert Path("plans/same.xml").is_symlink()
+    assert run("fix", "plans/link.xml", cwd=tmp_path).returncode == 0  # this one was named
+    assert _read("elsewhere/b.xml") == ACCEPTED
+
+
 def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
     write(tmp_path, a=_DAMAGED)
     os.mkfifo("pipe.xml")

@@ -47,10 +47,26 @@ def test_what_would_not_fit_is_not_written(capsys: pytest.CaptureFixture[str]) -
     assert list(Path().iterdir()) == []
 
 
-def test_that_it_cannot_be_written_names_the_profile(capsys: pytest.CaptureFixture[str]) -> None:
-    Path(".robot.yaml.draft").mkdir()
-    assert main(INIT) == 2
-    assert capsys.readouterr().err == "gpsfsm: cannot write robot.yaml: Is a directory\n"
+@pytest.mark.parametrize("name", ["robot.yaml", "gpsfsm.toml"])
+def test_a_link_out_of_the_folder_is_not_followed(
+    name: str, capsys: pytest.CaptureFixture[str], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    outside = tmp_path_factory.mktemp("outside") / "file"
+    outside.write_text("theirs")
+    Path(name).symlink_to(outside)
+    assert main([*INIT, "--force"]) == 2
+    expected = f"gpsfsm: cannot write {name}: a link leads out of the folder ., to {outside}\n"
+    assert capsys.readouterr().err == expected
+    assert outside.read_text() == "theirs"
+    assert [each.name for each in Path().iterdir()] == [name]
+
+
+def test_a_link_within_the_folder_stays_one() -> None:
+    Path("mine.yaml").write_text("name: old\n")
+    Path("robot.yaml").symlink_to("mine.yaml")
+    assert main([*INIT, "--force"]) == 0
+    assert Path("robot.yaml").is_symlink()
+    assert Path("mine.yaml").read_text().startswith('name: "lab: 1"')
 
 
 def test_both_files_are_written_or_none(capsys: pytest.CaptureFixture[str]) -> None:

@@ -182,6 +182,15 @@ def test_findings_point_to_the_nodes_of_a_file() -> None:
     assert '<node id="b"' in written.splitlines()[finding.location.line - 1]
 
 
+def test_nodes_that_share_a_line_of_a_file_are_told_apart() -> None:
+    graph = machine("start SUCCEEDED a", "a SUCCEEDED end", "b SUCCEEDED end")
+    text = json.dumps(json.loads(as_json(graph)))
+    (report,) = gpsfsm.check(text).plans
+    (finding,) = [each for each in report.findings if each.rule == "GP301"]
+    assert finding.message == "no run of the machine triggers b at node 'b'"
+    assert (finding.location.line, finding.location.column) == (1, text.index('{"id": "b"') + 1)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from gpsfsm.errors import InputError
+from gpsfsm.errors import GpsfsmError, InputError
 from gpsfsm.fuzzing import Fate, run_campaign
 from gpsfsm.fuzzing.cases import cases_in, keep_case, read_case, scenario_in
 from gpsfsm.fuzzing.properties import find_property
@@ -23,6 +23,17 @@ def kept(folder: Path) -> Path:
     target = subject(*CHILDREN, faults=("failed", "late"), limit_s=30.0)
     (failure,) = run_campaign(target, [find_property("completes")], runs=30).failures
     return keep_case(failure, plan(*CHILDREN), str(folder), seed=4)
+
+
+def test_a_case_is_not_written_through_a_link_out_of_its_folder(tmp_path: Path) -> None:
+    path = kept(tmp_path / "cases")
+    outside = tmp_path / "outside"
+    outside.write_text("theirs")
+    path.unlink()
+    path.symlink_to(outside)
+    with pytest.raises(GpsfsmError, match="a link leads out of the folder"):
+        kept(tmp_path / "cases")
+    assert outside.read_text() == "theirs"
 
 
 def test_a_case_comes_back_as_it_was_kept(tmp_path: Path) -> None:

@@ -144,7 +144,7 @@ def test_orphans_are_those_of_the_configuration() -> None:
     run = play(each, each.plain)
     assert run.active_at_end == (1,)
     (breach,) = find_property("no-orphan").check(run)
-    assert breach.message == "b at line 1 is still active when the machine completes"
+    assert breach.message == "b at node 'b' is still active when the machine completes"
 
 
 def test_the_plainest_run_is_told_with_its_visits() -> None:
@@ -155,15 +155,15 @@ def test_the_plainest_run_is_told_with_its_visits() -> None:
     story = report.findings[0].scenario
     assert story is not None
     assert story.story == (
-        "0 s: a at line 1 starts",
-        "1 s: a at line 1 fails",
-        "1 s: b at line 1 starts",
-        "2 s: b at line 1 fails",
+        "0 s: a at node 'a' starts",
+        "1 s: a at node 'a' fails",
+        "1 s: b at node 'b' starts",
+        "2 s: b at node 'b' fails",
         "2 s: nothing more can happen: the machine is stuck",
     )
     first = play(each, scenario(each, a=[F, F]))
     again = gpsfsm.fuzzing.runs.scenario_of(first).story
-    assert "2 s: a at line 1 starts: visit 2" in again
+    assert "2 s: a at node 'a' starts: visit 2" in again
 
 
 def test_hanging_and_late_runners() -> None:

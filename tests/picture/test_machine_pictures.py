@@ -140,7 +140,7 @@ def test_json_and_graphml_are_read_as_the_same_machine(graph: nx.MultiDiGraph[An
 def test_dot_of_a_small_machine() -> None:
     text = automaton_of(DOOR).to_dot()
     assert '  n0 [label="start", shape=oval' in text
-    assert '  n1 [label="drive\\nline 1", shape=box, style=rounded];' in text
+    assert "  n1 [label=\"drive\\nnode 'drive'\", shape=box, style=rounded];" in text
     assert (
         '  n2 -> n1 [label="SUCCEEDED stops", color="#8250df", fontcolor="#8250df", '
         "style=dashed, arrowhead=tee];"
@@ -154,9 +154,9 @@ def test_mermaid_of_a_small_machine() -> None:
     assert automaton_of(DOOR).to_mermaid() == (
         "flowchart TD\n"
         '  n0(["start"])\n'
-        '  n1["drive<br/>line 1"]\n'
+        '  n1["drive<br/>node #39;drive#39;"]\n'
         '  open1_FAILED((" "))\n'
-        '  n2["watch<br/>line 1"]\n'
+        '  n2["watch<br/>node #39;watch#39;"]\n'
         '  open2_FAILED((" "))\n'
         '  n3(["complete"])\n'
         "  n0 -->|SUCCEEDED| n1\n"

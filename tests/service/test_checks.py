@@ -121,7 +121,8 @@ def test_the_gate_asks_for_a_task(client: httpx.Client) -> None:
     other = client.post("/v1/gate", json={"plan": GOOD.replace("Go", "Stop"), "task": TASK}).json()
     assert (other["verdict"], other["reason"]) == ("rejected", "findings")
     task = hashlib.sha256(TASK.encode()).hexdigest()
-    assert other["basis"] == {"scope": "structure and task", "task": task, "engine": None}
+    basis = {"scope": "structure and task", "task": task, "engine": None}
+    assert other["basis"] == {**basis, "allow_approximated": False}
     files = client.post("/v1/gate", json={"plan": GOOD, "task": "not_answers: [/etc/passwd]\n"})
     assert (files.status_code, files.json()["verdict"]) == (422, "undecided")
 

@@ -209,6 +209,39 @@ def test_heads_that_say_two_things(service: Service, heads: bytes) -> None:
     assert b'"verdict": "undecided"' in response
 
 
+CHUNKED = b"Transfer-Encoding: chunked\r\n"
+
+
+@pytest.mark.parametrize(
+    "heads",
+    [
+        b"HTTP/1.1\r\nContent-Length: 2\r\n" + CHUNKED,
+        b"HTTP/1.1\r\n" + CHUNKED + b"content-length: 7\r\n",
+        b"HTTP/1.1\r\nContent-Length: 2\r\nContent-Length: 7\r\n",
+        b"HTTP/1.1\r\nContent-Length : 2\r\n",
+        b"HTTP/1.1\r\nTransfer-Encoding : chunked\r\n",
+        b"HTTP/1.1\r\nTransfer-Encoding: gzip, chunked\r\n",
+        b"HTTP/1.1\r\nTransfer-Encoding: identity\r\n",
+        b"HTTP/1.1\r\nTransfer-Encoding: \x0bchunked\r\n",
+        b"HTTP/1.1\r\nContent-Length: +2\r\n",
+        b"HTTP/1.1\r\nContent-Length: 0x2\r\n",
+        b"HTTP/1.1\r\nX: y\n" + CHUNKED + b"Content-Length: 2\r\n",
+        b"HTTP/1.0\r\n" + CHUNKED,
+        b"HTTP/1.0\r\nConnection: keep-alive\r\n" + CHUNKED,
+    ],
+)
+def test_a_request_whose_end_is_not_clear_is_the_last_of_its_connection(
+    service: Service, heads: bytes
+) -> None:
+    """Else a part of its body would be a request that no proxy has seen."""
+    hidden = b"GET /health HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    head = b"POST /v1/gate " + heads + b"Host: localhost\r\nContent-Type: application/json\r\n\r\n"
+    response = raw(service, head + b"2\r\n{}\r\n0\r\n\r\n" + hidden)
+    assert response.startswith(b"HTTP/1.1 400 "), response
+    assert response.count(b"HTTP/1.1 ") == 1
+    assert b"connection: close" in response.lower()
+
+
 def test_a_target_with_a_host_of_its_own(service: Service) -> None:
     target = b"POST http://evil.example/v1/gate HTTP/1.1\r\nHost: localhost\r\n"
     assert raw(service, target + b"Content-Length: 0\r\n\r\n").startswith(b"HTTP/1.1 400 ")

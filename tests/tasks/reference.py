@@ -136,9 +136,8 @@ def left_after(
     if trace.ends == "stuck":
         return None if trace.hanging else ended
     if trace.ends == "gives_up":
-        was_alternative = bool(todo) and len(todo[0]) < len(steps[len(steps) - len(todo)])
-        assert not tried or was_alternative
-        return None if excused and not was_alternative else ended
+        alternative_due = tried and running is None
+        return None if excused and not alternative_due else ended
     return ended if todo else None
 
 

@@ -17,13 +17,13 @@ from gpsfsm.tasks.load import BINARY, COUNTED, UNARY, formula_text
 from gpsfsm.tasks.ltlf import parse_formula
 from gpsfsm.tasks.task import Pattern, Place, Rule, Step, Task
 from tests import oracle
-from tests.oracle import C, P, R, action_key, rec, runner_paths
+from tests.oracle import C, P, R, action_key, par_all, par_any, rec, runner_paths, seq
 from tests.strategies import constraints, plans
 from tests.support import plan_of
 from tests.tasks.reference import actions_of, all_traces, holds, left_after
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from hypothesis.strategies import DrawFn
 
@@ -169,6 +169,25 @@ def test_other_actions_may_be_allowed(
     allowed = frozenset() if others else frozenset("D")
     decision = decide(whole, task_of(steps, **more))
     check_steps(whole, steps, allowed=allowed, others=others, decision=decision)
+
+
+@given(answers(), st.sampled_from([par_all, par_any, seq]))
+def test_an_action_beside_the_steps_may_end_the_run_at_any_time(
+    expected: tuple[list[tuple[str, ...]], P], around: Callable[..., C]
+) -> None:
+    steps, whole = expected
+    assume(len(actions_of(whole)) <= 4)
+    beside = P((around(seq(*whole.children), R("demo/Say")),))
+    decision = decide(beside, task_of(steps, others=True))
+    check_steps(beside, steps, others=True, decision=decision)
+
+
+def test_nothing_is_due_while_an_alternative_runs() -> None:
+    """So a plan may give up then because of something else, but not where one is due."""
+    task = task_of([("A", "B")], others=True)
+    assert decide(P((par_all(seq("demo/A", rec("demo/B x=1")), R("demo/Say")),)), task).fulfilled
+    untried = decide(P((par_all("demo/A", "demo/Say"),)), task)
+    assert [each.rule for each in untried.departures] == ["GP605"]
 
 
 @given(answers())

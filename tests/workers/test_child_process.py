@@ -242,6 +242,20 @@ def test_children_of_a_child_of_an_event_loop_hold_up_nobody() -> None:
     assert asyncio.run(started_and_ended()) < 5
 
 
+def test_a_child_that_has_ended_is_not_alive_before_the_event_loop_notices() -> None:
+    async def alive() -> list[bool]:
+        child = await AsyncChildProcess.start([sys.executable, "-I", "-c", "input()"])
+        before = child.alive
+        os.kill(child._process.pid, signal.SIGKILL)
+        with suppress(ChildProcessError):  # whoever waits for it, and the loop has no turn
+            os.waitid(os.P_PID, child._process.pid, os.WEXITED | os.WNOWAIT)
+        after = child.alive
+        await child.end()
+        return [before, after, child.alive]
+
+    assert asyncio.run(alive()) == [True, False, False]
+
+
 ESCAPES = """
 import os, time
 from gpsfsm.workers.parent_link import ParentLink

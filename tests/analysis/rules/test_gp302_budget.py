@@ -9,11 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.analysis.words import fewest_words
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.checking.selection import Selection
 from gpsfsm.gating import GateOptions
 from gpsfsm.gating.deciding import gate_text
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.story import Vocabulary
 from tests.oracle.facts import facts
 from tests.oracle.model import P, to_xml
 from tests.strategies import plans, plans_of_few_actions
@@ -134,3 +136,44 @@ def test_no_option_hides_a_broken_budget_from_the_gate() -> None:
         verdict = gate_text(GUARDED, "", GateOptions(replace(check, trees=False)))
         assert not verdict.accepted
         assert [each.rule for each in verdict.findings] == ["GP302"]
+
+
+ONE = "<Fallback><A/><AlwaysFailure/></Fallback>"
+BOTH = '<Parallel success_count="2" failure_count="1"><A/><B/></Parallel>'
+SWITCH = (
+    '<Sequence><Ask answer="{r}"/><Switch2 variable="{r}" case_1="k" case_2="h"><A/><B/>'
+    "<AlwaysFailure/></Switch2></Sequence>"
+)
+
+
+@pytest.mark.parametrize(
+    ("tree", "message"),
+    [
+        ("<AlwaysFailure/>", "the tree can fail although no action fails"),
+        ("<Sequence><A/><AlwaysFailure/></Sequence>", "the tree can fail although no action fails"),
+        (
+            f"<Inverter>{BOTH}</Inverter>",
+            "2 of 4 outcomes make the tree fail (line 1: an Inverter turns it into a failure); no "
+            "failure is needed",
+        ),
+        (
+            SWITCH,
+            "3 failures make the tree fail (line 1: nothing handles it); it is unknown how many "
+            "failures are needed (unless the over-approximated constructs rule that out)",
+        ),
+        (
+            ONE,
+            "1 of 1 failure makes the tree fail (line 1: nothing handles it); 1 failure is enough",
+        ),
+    ],
+)
+def test_the_parts_of_a_message_are_true_together(tree: str, message: str) -> None:
+    finding = dangling(f'<root BTCPP_format="4"><BehaviorTree ID="M">{tree}</BehaviorTree></root>')
+    assert finding is not None
+    assert finding.message == message
+
+
+def test_failures_that_were_named_are_not_said_to_be_needless() -> None:
+    terms = Vocabulary.TREE.terms
+    assert fewest_words(0, terms) == "the tree can also fail although no action fails"
+    assert fewest_words(0, terms, failures=False) == "no failure is needed"
