@@ -9,7 +9,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import InputError
+from gpsfsm.errors import InputError, system_reason
 from gpsfsm.files import read
 from gpsfsm.fuzzing.runs import scenario_of
 from gpsfsm.fuzzing.subject import FAULTS, LONGEST_MS, Act, Fate, TimedScenario, in_ms
