@@ -79,7 +79,8 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
     for source, target, _ in rows:
         for name in (source, target):
             if name not in places:
-                return fault(0, f"an edge names {clip(name, 100)!r}, which is not a node")
+                at = max(0, text.rfind(json.dumps(name)))
+                return fault(at, f"an edge names {clip(name, 100)!r}, which is not a node")
     if _START not in places or len(places) < len(nodes):
         return fault(0, f"every node has a name of its own, and one is {_START}")
     unread = tuple(_unread(whole, places))

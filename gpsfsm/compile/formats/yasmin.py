@@ -141,7 +141,8 @@ class _Reader:
         container = container and not _is_elsewhere(node)
         state = State(name, place_of(node), kind=_kind(node), container=container)
         for child in self.elements.children(node):
-            if child.tag == "Transition" and (around is None or around.parallel):
+            ignored = around is None or (around.parallel and (container or not self.complete))
+            if child.tag == "Transition" and ignored:
                 self._skip(child, "<Transition> of what is not in a StateMachine")
             elif child.tag == "Transition":
                 if child.text("from") in state.transitions:
@@ -156,7 +157,7 @@ class _Reader:
             if node.tag in _PARALLEL:
                 state.parallel = state.one_rule = True
                 self._read_maps(node, state)
-        elif not self.complete or around is None or around.parallel or _is_elsewhere(node):
+        elif not self.complete or _is_elsewhere(node):
             state.open = Cause.ELSEWHERE if _is_elsewhere(node) else Cause.UNDECLARED
         return state
 
@@ -192,7 +193,7 @@ class _Reader:
             name = each.name
             spoken = [items[name] for _, items in state.rules if name in items]
             if not each.container:
-                each.outcomes = tuple(dict.fromkeys(spoken))
+                each.outcomes = tuple(dict.fromkeys((*each.transitions, *spoken)))
             for outcome in (*spoken, *each.transitions) if each.container else ():
                 if outcome not in each.outcomes:
                     message = f"'{name}' never ends with '{outcome}'"

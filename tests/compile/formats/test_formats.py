@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 CORPUS = Path(__file__).parents[3] / "corpus" / "machines"
 EXAMPLES = {
-    "agent.langgraph.json": ("GP301", 6, "no run of the machine triggers reflect at line 6"),
+    "agent.langgraph.json": ("GP117", 14, "an edge names 'planner', which is not a node"),
     "delivery.yasmin.xml": (
         "GP313",
         9,
