@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.compile.formats.yasmin_runs import Runs
+
     from gpsfsm.model.report import PlanReport
 
 CASES = Path(__file__).parent / "cases"
@@ -45,6 +46,9 @@ def state(name: str, *transitions: str) -> str:
     rows = (each.partition(">") for each in transitions)
     inner = "".join(f'<Transition from="{a}" to="{b}"/>' for a, _, b in rows)
     return f'<State name="{name}" type="py" module="m" class="{name}">{inner}</State>'
+
+
+_Y = '<Transition from="y" to="done"/><Transition from="x" to="done"/>'
 
 
 # -- the cases -------------------------------------------------------------------------------------
@@ -140,8 +144,7 @@ def test_the_body_of_a_machine_in_another_file_is_not_read() -> None:
             "the outcome map of 'failed' has no <Item>",
         ),
         (
-            machine(f'<StateMachine name="A" outcomes="x">{state("B", "ok>x")}'
-                    '<Transition from="y" to="done"/><Transition from="x" to="done"/></StateMachine>'),
+            machine(f'<StateMachine name="A" outcomes="x">{state("B", "ok>x")}{_Y}</StateMachine>'),
             "'A' never ends with 'y'",
         ),
     ],
