@@ -215,7 +215,10 @@ _OF_GRAPHML: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 
 def _unread_graphml(text: str, limits: Limits) -> Iterator[Approximation]:
-    """What networkx passes over in a GraphML text. Raises _TextError for what changes the runs."""
+    """The parts of a GraphML text that networkx passes over.
+
+    Raises _TextError for those that may change the runs.
+    """
     from gpsfsm.compile.formats.elements import Elements
 
     elements = Elements(text, limits)
@@ -249,7 +252,7 @@ def _unread_graphml(text: str, limits: Limits) -> Iterator[Approximation]:
 
 
 def _identity(node: TreeNode, tag: str) -> tuple[object, ...]:
-    """What no other element of a GraphML text may share; nothing for those without a name."""
+    """The name that no other element of a GraphML text may share; nothing where there is none."""
     if tag == "graph":
         return (tag,)
     if tag == "data":

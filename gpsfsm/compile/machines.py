@@ -143,9 +143,9 @@ class _Reader:
 
     def _node(self, name: Hashable, data: Mapping[str, Any]) -> None:
         runs, joins = (data.get("kind") == each for each in (NodeKind.RUNNER, NodeKind.JOIN))
-        known = {"kind"} | (_OF_RUNNERS if runs else set()) | (_OWN if "element" in data else set())
-        known |= {"need"} if joins or data.get("need") == 0 else set()
-        self._skip(name, "attribute", (each for each in data if each not in known))
+        read = {"kind"} | (_OF_RUNNERS if runs else set()) | (_OWN if "element" in data else set())
+        read |= {"need"} if joins or data.get("need") == 0 else set()
+        self._skip(name, "attribute", (each for each in data if each not in read))
         if not str(name) or len(str(name)) > _LONGEST_NAME:
             self.fault(name, "has no usable name", f"name it in 1 to {_LONGEST_NAME} characters")
         try:

@@ -104,9 +104,9 @@ class _Drawing:
         self.graph.add_node(_END, kind="complete")
         give_up = self._node("give_up", _START, kind="give_up")
         self.step = self._node("the first of several ends", _START, kind="join", need=1)
-        self.others = self._choice("another node follows", _START, exact=False)
-        self._lead(self.others, "SUCCEEDED", runners or [_END])
-        self._lead(self.others, "FAILED", [_END])
+        self.another = self._choice("another node follows", _START, exact=False)
+        self._lead(self.another, "SUCCEEDED", runners or [_END])
+        self._lead(self.another, "FAILED", [_END])
         for name in runners:
             self._lead(name, "FAILED", [give_up])
             self._lead(name, "SUCCEEDED", [self.step])
@@ -147,7 +147,7 @@ class _Drawing:
         exact = not may and always != [_END] and len(always) == 1 and len(joined) < 2
         choice = self._choice(f"{name}: as drawn", name, exact=exact)
         self._lead(name, "SUCCEEDED", [choice])
-        self._lead(choice, "FAILED", [self.others])
+        self._lead(choice, "FAILED", [self.another])
         for event in ("SUCCEEDED", "FAILED"):  # then a new round begins
             self.graph.add_edge(choice, self.step, event=event, action="stop")
         event, nodes = "SUCCEEDED", [target for target in always if target != _END]
@@ -163,7 +163,7 @@ class _Drawing:
 
 
 def _unread(whole: Any, places: dict[Hashable, Place]) -> Iterator[Approximation]:
-    """What is read only in part, or not at all: keys that say nothing about the runs."""
+    """The keys that are read only in part, or not at all."""
     rows = [("graph", whole, "")]
     for node in whole["nodes"]:
         name = str(node["id"])

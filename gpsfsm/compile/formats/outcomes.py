@@ -13,9 +13,8 @@ a join that waits for it; the first rule of the outcome map that holds in a comb
 concurrence ends. Where there are more than ``MOST_COMBINATIONS``, a choice takes their place. With
 ``early``, a rule ends the concurrence as soon as it holds, and stops the others.
 
-A state whose class is not in the file may have more outcomes than the file names (``open``). Then
-it may also end with an outcome of its container, which no transition takes; or, in a concurrence,
-with an outcome of which no rule speaks. Such an end enters an inexact node.
+A state whose class is not in the file may have outcomes that the file does not name (``open``):
+those of its container, or in a concurrence one of which no rule speaks. They enter inexact nodes.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ class State:
     say (outcome, outcomes by state) in their order, and ``default`` what else.
 
     ``open``: how the file leaves open which further outcomes a state has. In a container that goes
-    ``by_name``, an outcome without a transition leads to the state of that name. ``one_rule``: a
+    ``by_name``, an outcome without a transition leads to the state of that name. ``exclusive``: a
     concurrence raises where several of its outcomes hold, or none and there is no default.
     """
 
@@ -96,7 +95,7 @@ class State:
     default: str = ""
     open: Cause | None = None
     by_name: bool = False
-    one_rule: bool = False
+    exclusive: bool = False
 
     def over(self, cause: Cause) -> Approximation:
         """The report that it is over-approximated."""
@@ -188,11 +187,8 @@ class _Writer:
     def _check_container(self, scope: _Scope) -> None:
         state = scope.state
         if len(scope.states) < len(state.states):
-            twice = next(
-                each
-                for number, each in enumerate(state.states)
-                if each.name in {other.name for other in state.states[:number]}
-            )
+            names = [each.name for each in state.states]
+            twice = next(each for each in reversed(state.states) if names.count(each.name) > 1)
             self._fault(twice, f"there are two states {twice.name!r} here", "rename one of them")
         if not state.states:
             self._fault(state, f"there is no state in {state.name!r}", "add the first state")
@@ -207,7 +203,7 @@ class _Writer:
                     message = f"the outcome map of {state.name!r} names {name!r}, which it lacks"
                     self._fault(state, message, "name one of its states")
             self._check_outcome(state, outcome, "the outcome map leads to")
-        raises = state.one_rule and state.default == _RAISED
+        raises = state.exclusive and state.default == _RAISED
         if state.parallel and not state.open_end and not state.early and not raises:
             self._check_outcome(state, state.default, "by default it ends with")
 
@@ -251,14 +247,9 @@ class _Writer:
 
     def _leaf(self, scope: _Scope, state: State) -> None:
         path = f"{scope.path}/{state.name}" if scope.path else state.name
+        own = {key: each for key, each in state.parameters.items() if not key.startswith("@")}
         state.parameters["@node"] = self._node(
-            path,
-            state.place,
-            kind="runner",
-            interface=state.kind,
-            parameters={
-                key: value for key, value in state.parameters.items() if not key.startswith("@")
-            },
+            path, state.place, kind="runner", interface=state.kind, parameters=own
         )
 
     def _choice(
@@ -323,7 +314,7 @@ class _Writer:
         """The outcomes of a state: by its two events, and choices where these are not enough."""
         node = state.parameters["@node"]
         outcomes = list(dict.fromkeys((*state.transitions, *state.outcomes)))
-        if not outcomes and not self._others(scope, state):
+        if not outcomes and not self._has_more(scope, state):
             outcomes = ["done"]
         failures = [each for each in outcomes if is_failure(each)]
         others = [each for each in outcomes if each not in failures]
@@ -340,10 +331,10 @@ class _Writer:
             key = outcome if scope.state.parallel else state.transitions[outcome]
             groups.setdefault(key, []).append(outcome)
         rows = list(groups.values())
-        others = self._others(scope, state)
+        more = self._has_more(scope, state)
         path = state.parameters["@node"]
         for number, names in enumerate(rows):
-            if number == len(rows) - 1 and not others:
+            if number == len(rows) - 1 and not more:
                 self._leave(signal, scope, state, names[0])
                 return
             of = f"{path}: {' or '.join(names)}"
@@ -351,15 +342,15 @@ class _Writer:
             self._leave(taken, scope, state, names[0])
         self._undeclared(signal, scope, state)
 
-    def _others(self, scope: _Scope, state: State) -> bool:
+    def _has_more(self, scope: _Scope, state: State) -> bool:
         """True if a state may end as the file does not say, and that leads anywhere else."""
         if scope.state.parallel:
             return bool(state.open) and any(state.name in items for _, items in scope.state.rules)
-        known = {*state.transitions, *state.transitions.values()}
-        return bool(state.open) and not known.issuperset(self._implicit(scope))
+        declared = {*state.transitions, *state.transitions.values()}
+        return bool(state.open) and not declared.issuperset(self._implicit(scope))
 
     def _implicit(self, scope: _Scope) -> tuple[str, ...]:
-        """What an outcome without a transition can lead to."""
+        """The states and outcomes that an outcome without a transition can lead to."""
         around = scope.state
         return (*around.outcomes, *(scope.states if around.by_name else ()))
 
@@ -466,7 +457,7 @@ class _Writer:
             for outcome, items in state.rules
             if all(here[name] == wanted for name, wanted in items.items())
         ]
-        if _RAISED in combination or (state.one_rule and len({*held}) > 1):
+        if _RAISED in combination or (state.exclusive and len({*held}) > 1):
             return _RAISED
         return held[0] if held else state.default
 
@@ -579,7 +570,7 @@ class _Writer:
 
 def _may_raise(state: State) -> bool:
     """True for what ends by an exception if rules of a concurrence in it are not clear."""
-    return state.one_rule or any(map(_may_raise, state.states))
+    return state.exclusive or any(map(_may_raise, state.states))
 
 
 Rules = list[tuple[str, Mapping[str, str]]]

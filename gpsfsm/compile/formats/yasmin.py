@@ -112,10 +112,10 @@ class _Reader:
 
     def _check_element(self, node: TreeNode, tag: str) -> list[TreeNode]:
         """Report what is not read of an element; the elements in it that are read."""
-        known = _ATTRIBUTES.get(tag, "").split()
+        read = _ATTRIBUTES.get(tag, "").split()
         for each in node.attributes:
             own = each.name.startswith("xmlns") or (each.name == _COMPLETE and node is self.root)
-            if each.name not in known and not own:
+            if each.name not in read and not own:
                 self._skip(node, f"attribute {each.name} of <{node.tag}>")
         missing = [each for each in _REQUIRED.get(tag, "").split() if not node.text(each)]
         if missing and node is not self.root:
@@ -155,7 +155,7 @@ class _Reader:
             state.initial, state.by_name = node.text("start_state"), True
             state.parameters = {}
             if node.tag in _PARALLEL:
-                state.parallel = state.one_rule = True
+                state.parallel = state.exclusive = True
                 self._read_maps(node, state)
         elif not self.complete or _is_elsewhere(node):
             state.open = Cause.ELSEWHERE if _is_elsewhere(node) else Cause.UNDECLARED
