@@ -276,11 +276,11 @@ def _from_graphml(
     if fault is not None:
         offset = Lines(text).offset(fault[0], fault[1])
         raise _TextError(fault[2].message, offset, fault[2].hint)
+    skipped = list(_unread_graphml(text, limits))
     try:
         graph = networkx.parse_graphml(text, node_type=str, force_multigraph=True)
     except Exception as error:  # it raises whatever a text makes it stumble over
         raise _TextError(f"networkx cannot read the text as GraphML: {error}") from None
-    skipped = list(_unread_graphml(text, limits))
     if graph.graph.pop("version", SCHEMA) != SCHEMA:
         raise _TextError(f"this gpsfsm reads version {SCHEMA} of machines")
     others = [each for each in graph.graph if each not in ("node_default", "edge_default")]

@@ -86,6 +86,8 @@ class _Reader:
         self.root = elements.nodes[0]
         self.complete = self.root.text(_COMPLETE) == "true"
         self.skipped: list[Approximation] = []
+        for node, name in getattr(elements, "skipped", ()):
+            self._skip(node, name, Cause.NAMESPACE)
 
     def machine(self) -> State:
         """The outermost machine, with all that is in it."""
@@ -106,9 +108,9 @@ class _Reader:
             pending += reversed(inner)
         return top
 
-    def _skip(self, node: TreeNode, construct: str) -> None:
+    def _skip(self, node: TreeNode, construct: str, cause: Cause = Cause.NO_MEANING) -> None:
         construct = clip(construct, 60)
-        self.skipped.append(Approximation(Reading.SKIPPED, construct, at(node), Cause.NO_MEANING))
+        self.skipped.append(Approximation(Reading.SKIPPED, construct, at(node), cause))
 
     def _check_element(self, node: TreeNode, tag: str) -> list[TreeNode]:
         """Report what is not read of an element; the elements in it that are read."""
