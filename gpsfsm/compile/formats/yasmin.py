@@ -17,7 +17,7 @@ from gpsfsm.compile.formats.elements import Elements, at, place_of
 from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.formats.outcomes import State, machine_from
 from gpsfsm.compile.formats.scxml_writing import OWN_NAMESPACE
-from gpsfsm.compile.machines import written
+from gpsfsm.compile.machines import Place, written
 from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 
@@ -261,9 +261,9 @@ def write(automaton: Automaton) -> str:
         f'<StateMachine name={name} outcomes="{COMPLETED} {GAVE_UP}" start_state="{first}"',
         f'    xmlns:gpsfsm="{OWN_NAMESPACE}" {_COMPLETE}="true">',
     ]
-    reached = {first}
-    for _ in states:
-        reached |= {name for each in states if each.name in reached for name in each[2:]}
+    targets = {each.name: {"s": each.succeeded, "f": each.failed} for each in states}
+    inner = [State(name, Place(), transitions=row) for name, row in targets.items()]
+    reached = _reached(State("", Place(), states=inner, initial=first))
     for each in (each for each in states if each.name in reached):  # YASMIN refuses others
         module, _, kind = each.element.interface.rpartition("/")
         where = f" module={quoteattr(module)}" if module else ""
