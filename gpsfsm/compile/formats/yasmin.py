@@ -190,7 +190,7 @@ class _Reader:
             name = child.text("name")
             if child.tag == "FinalOutcome" and not state.parallel and name not in state.outcomes:
                 self._skip(child, f"<FinalOutcome> '{name}', which is not in outcomes")
-        reached = state.parallel or _reached(state)
+        reached = state.parallel or bool(self.elements.problems) or _reached(state)
         for child, each in inner:
             name = each.name
             spoken = [items[name] for _, items in state.rules if name in items]
