@@ -148,9 +148,12 @@ def tied(
     plan = automaton.plan
     conditions = plan.ties if isinstance(plan, TreeMachine) else ()
     others = {number for tie in conditions for number in tie.runners}
+    inexact = inexact_nodes(automaton)
     actions: dict[object, list[int]] = {}
     for number, runner in enumerate(plan.runners):
-        own = isinstance(plan, TreeMachine) and runner.interface in OWN
+        own = runner.interface in OWN and (
+            isinstance(plan, TreeMachine) or automaton.runner_node(number) in inexact
+        )
         if not own and number not in others:
             actions.setdefault(runner.action, []).append(number)
     again = _visited_again(automaton)

@@ -22,21 +22,26 @@ from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.finding import Problem
 from gpsfsm.model.graph import SCHEMA
 from gpsfsm.model.plan import Location
+from gpsfsm.model.precision import Approximation, Cause, Reading
+from gpsfsm.model.printable import clip
 from gpsfsm.strict_json import strict_loads
 from gpsfsm.syntax import Parsed
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits, read_source
 from gpsfsm.syntax.text import Lines, root_name
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable
+    from collections.abc import Hashable, Iterator
 
     import networkx as nx
 
     from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.tree import TreeNode
 
 _JSON = pattern(r"\s*+\{")
 _START = pattern(r'"id"\s*+:\s*+"__start__"')
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
+_XSI = "{http://www.w3.org/2001/XMLSchema-instance}"
+_MAX_NAME = 60
 _BLANK = pattern(r"[ \t\r\n]*")
 _ROWS = pattern(r'"nodes"[ \t\r\n]*:[ \t\r\n]*\[')
 _TAGS = pattern(r"<(?:\w+:)?node\b[^>]*?\bid=(?:\"([^\"]*)\"|'([^']*)')[^>]*>")
@@ -53,17 +58,17 @@ def read_machine(
     if text is None or not _is_machine(text):
         return None
     try:
-        graph, places = _from_json(text) if is_json(text) else _from_graphml(text)
+        read = _from_json(text) if is_json(text) else _from_graphml(text, limits)
     except _TextError as fault:
         line, column = Lines(text).position(fault.offset)
         problem = Problem(MALFORMED, str(fault), Location(line, column, "/machine"), fault.hint)
         return Parsed(file, text, None, (problem,), machine=True)
+    graph, places, skipped = read
     if graph.number_of_nodes() > limits.max_elements:
         message = f"the machine has more than {limits.max_elements:,} nodes"
         hint = "raise --max-elements if the machine is meant to be that large"
         problem = Problem("GP103", message, Location(1, 1, "/machine"), hint)
         return Parsed(file, text, None, (problem,), over_limit=True, machine=True)
-    skipped = () if is_json(text) else Elements(text, limits, _NAMESPACE).skipped
     machine, problems = machine_of(graph, file=file, places=places, approximations=skipped)
     return Parsed(file, text, machine, problems, machine=True)
 
@@ -102,10 +107,17 @@ class _TextError(InputError):
         self.hint = hint or "docs/machines.md describes the format"
 
 
+def _skipped(construct: str, line: int, cause: Cause = Cause.NO_MEANING) -> Approximation:
+    location = Location(line, 1, "/machine")
+    return Approximation(Reading.SKIPPED, clip(construct, _MAX_NAME), location, cause)
+
+
 # --- JSON ---------------------------------------------------------------------------------------
 
 
-def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
+def _from_json(
+    text: str,
+) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place], list[Approximation]]:
     import networkx
 
     try:
@@ -144,9 +156,27 @@ def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
             if name not in places:
                 raise _TextError(f"a connection names the node {shown(name)}, which does not exist")
         data = {key: row[key] for key in row if key not in ("source", "target", "key")}
-        data |= {"event": row.get("event"), "action": row.get("action", "trigger")}
-        graph.add_edge(*ends, number, **data)
-    return graph, places
+        graph.add_edge(*ends, number)
+        graph.edges[(*ends, number)].update(data)
+    return graph, places, _unread_keys(text, whole)
+
+
+def _unread_keys(text: str, whole: dict[str, Any]) -> list[Approximation]:
+    """The keys of the outermost object that are skipped."""
+    if whole.get("directed", True) is not True:
+        raise _TextError("the graph is not directed", text.find('"directed"'))
+    lines = Lines(text)
+    unread = (key for key in whole if not _is_read(key, whole))
+    at = {key: lines.position(max(0, text.find(json.dumps(key))))[0] for key in unread}
+    return [_skipped(f"key {key!r}", line) for key, line in at.items()]
+
+
+def _is_read(key: str, whole: dict[str, Any]) -> bool:
+    """True for a key of the outermost object that is read, or repeats what the nodes say."""
+    if key in ("complete", "give_up"):
+        nodes = whole["nodes"]
+        return any(row.get("kind") == key and row.get("index") == whole[key] for row in nodes)
+    return key in ("nodes", "edges", "version", "directed", "multigraph") or whole[key] == {}
 
 
 def _name(value: object) -> str | int:
@@ -181,7 +211,64 @@ def _spans(text: str) -> list[Place]:
 # --- GraphML ------------------------------------------------------------------------------------
 
 
-def _from_graphml(text: str) -> tuple[nx.Graph[Any], dict[Hashable, Place]]:
+_OF_GRAPHML: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "graphml": (("key", "graph", "desc"), ()),
+    "key": (("desc",), ("id", "for", "attr.name", "attr.type")),
+    "graph": (("node", "edge", "data", "desc"), ("id", "edgedefault")),
+    "node": (("data", "desc"), ("id",)),
+    "edge": (("data", "desc"), ("id", "source", "target", "directed")),
+    "data": ((), ("key", "id")),
+}
+"""The elements and attributes in each element that are read."""
+
+
+def _unread_graphml(text: str, limits: Limits) -> Iterator[Approximation]:
+    """The parts of a GraphML text that networkx passes over.
+
+    Raises _TextError for those that may change the runs.
+    """
+    elements = Elements(text, limits, _NAMESPACE)
+    if not elements.nodes:
+        raise _TextError(elements.problems[0].message)
+    prefix = elements.nodes[0].tag.rpartition(":")[0]
+    yield from elements.skipped
+    names: set[tuple[object, ...]] = set()
+    pending = [elements.nodes[0]]
+    for node in pending:  # it grows
+        tag = node.tag.rpartition(":")[2]
+        inside, attributes = _OF_GRAPHML.get(tag, ((), ()))
+        for each in node.attributes:
+            if each.name not in attributes and not each.name.startswith(("xmlns", "xsi:")):
+                yield _skipped(f"attribute {each.name} of <{tag}>", node.line)
+        for child in elements.children(node):
+            space, _, local = child.tag.rpartition(":")
+            name = _identity(child, local)
+            if space != prefix:
+                yield _skipped(f"<{child.tag}>", child.line, Cause.NAMESPACE)
+                continue
+            if local not in inside:
+                message = f"<{local}> in <{tag}> is not read, and may change the runs"
+                raise _TextError(message, child.start, "remove it, or write it otherwise")
+            if name and name in names:
+                what = "graph" if local == "graph" else f"<{local}> of this name"
+                raise _TextError(f"there is a second {what}", child.start, "remove one of them")
+            names.add(name)
+            pending.append(child)
+
+
+def _identity(node: TreeNode, tag: str) -> tuple[object, ...]:
+    """The name that no other element of a GraphML text may share; nothing where there is none."""
+    if tag == "graph":
+        return (tag,)
+    if tag == "data":
+        return tag, node.parent, node.text("key")
+    name = node.text("id")  # networkx numbers the edges between two nodes
+    return (tag, name, node.text("source"), node.text("target")) if name else ()
+
+
+def _from_graphml(
+    text: str, limits: Limits
+) -> tuple[nx.Graph[Any], dict[Hashable, Place], list[Approximation]]:
     """The graph of a GraphML text: lxml looks for what is hostile, networkx reads it."""
     import networkx
 
@@ -194,10 +281,15 @@ def _from_graphml(text: str) -> tuple[nx.Graph[Any], dict[Hashable, Place]]:
     if fault is not None:
         offset = Lines(text).offset(fault[0], fault[1])
         raise _TextError(fault[2].message, offset, fault[2].hint)
+    skipped = list(_unread_graphml(text, limits))
     try:
         graph = networkx.parse_graphml(text, node_type=str, force_multigraph=True)
     except Exception as error:  # it raises whatever a text makes it stumble over
         raise _TextError(f"networkx cannot read the text as GraphML: {error}") from None
+    if graph.graph.pop("version", SCHEMA) != SCHEMA:
+        raise _TextError(f"this gpsfsm reads version {SCHEMA} of machines")
+    others = [each for each in graph.graph if each not in ("node_default", "edge_default")]
+    skipped += (_skipped(f"attribute {each!r} of the graph", 1) for each in others)
     lines = Lines(text)
     places: dict[Hashable, Place] = {}
     for tag in _TAGS.finditer(text):
@@ -213,7 +305,7 @@ def _from_graphml(text: str) -> tuple[nx.Graph[Any], dict[Hashable, Place]]:
                 start = places.get(name, Place()).start
                 message = f"the parameters of the node {shown(name)} are not a JSON object"
                 raise _TextError(message, start) from None
-    return graph, places
+    return graph, places, skipped
 
 
 def automaton_to_graphml(automaton: Automaton) -> str:

@@ -40,11 +40,9 @@ if TYPE_CHECKING:
 
 MALFORMED = "GP117"
 _LONGEST_NAME = 200
-_OF_NODES = frozenset(
-    {"kind", "need", "interface", "provider", "parameters", "name", "origin", "element"}
-    | {"line", "column"}
-)
-"""The attributes of nodes that have a meaning, and those that our own graphs have besides."""
+_OF_RUNNERS = frozenset({"kind", "interface", "provider", "parameters"})
+_OWN = frozenset({"element", "name", "origin", "line", "column"})
+"""The attributes that the nodes of our own graphs have besides."""
 _OF_EDGES = frozenset({"event", "action"})
 _MARKS: Any = object()
 """The attribute with the marks of a node: no file can write it."""
@@ -149,7 +147,10 @@ class _Reader:
         )
 
     def _node(self, name: Hashable, data: Mapping[str, Any]) -> None:
-        self._skip(name, "attribute", (each for each in data if each not in _OF_NODES))
+        runs, joins = (data.get("kind") == each for each in (NodeKind.RUNNER, NodeKind.JOIN))
+        read = {"kind"} | (_OF_RUNNERS if runs else set()) | (_OWN if "element" in data else set())
+        read |= {"need"} if joins or data.get("need") == 0 else set()
+        self._skip(name, "attribute", (each for each in data if each not in read))
         if not str(name) or len(str(name)) > _LONGEST_NAME:
             self.fault(name, "has no usable name", f"name it in 1 to {_LONGEST_NAME} characters")
         try:

@@ -53,6 +53,7 @@ class Cause(StrEnum):
     NAMESPACE = "it belongs to another namespace"
     NO_MEANING = "it does not affect the runs"
     NOT_WRITTEN = "the file does not say it"
+    RESUMED = "the run is assumed to be resumed there"
 
 
 @dataclass(frozen=True, slots=True)

@@ -216,6 +216,57 @@ def test_files_that_are_no_machines(text: str, message: str) -> None:
     assert message in report.findings[0].message
 
 
+_HEAD = "<graphml><key id='k' for='node' attr.name='kind' attr.type='string'>{}</key>"
+_START_NODE = "<node id='s'><data key='k'>start</data>{}</node>"
+
+
+@pytest.mark.parametrize(
+    ("key", "inner", "after", "message"),
+    [
+        ("<default>start</default>", "", "", "<default> in <key> is not read"),
+        ("", "<port name='p'/>", "", "<port> in <node> is not read"),
+        ("", "<graph edgedefault='directed'/>", "", "<graph> in <node> is not read"),
+        ("", "", "<graph edgedefault='directed'/>", "there is a second graph"),
+        ("", "<data key='k'>runner</data>", "", "there is a second <data> of this name"),
+    ],
+)
+def test_graphml_that_networkx_passes_over_is_refused(
+    key: str, inner: str, after: str, message: str
+) -> None:
+    graph = f"<graph edgedefault='directed'>{_START_NODE.format(inner)}</graph>"
+    (report,) = gpsfsm.check(f"{_HEAD.format(key)}{graph}{after}</graphml>").plans
+    assert report.facts is None
+    assert message in report.findings[0].message
+
+
+@pytest.mark.parametrize(
+    ("node", "edge", "more", "construct"),
+    [
+        ({"paramters": {"x": 1}}, {}, {}, "attribute 'paramters'"),
+        ({"need": 2}, {}, {}, "attribute 'need'"),
+        ({"name": "b"}, {}, {}, "attribute 'name'"),
+        ({}, {"evnt": "FAILED"}, {}, "attribute of a connection 'evnt'"),
+        ({}, {}, {"edge": [{"source": "a"}]}, "key 'edge'"),
+        ({}, {}, {"complete": 0}, "key 'complete'"),
+    ],
+)
+def test_keys_of_json_without_a_meaning_are_reported(
+    node: dict[str, Any], edge: dict[str, Any], more: dict[str, Any], construct: str
+) -> None:
+    whole = json.loads(as_json(machine("start SUCCEEDED a", "a SUCCEEDED end")))
+    next(each for each in whole["nodes"] if each["id"] == "a").update(node)
+    whole["edges"][0].update(edge)
+    (report,) = gpsfsm.check(json.dumps(whole | more)).plans
+    assert [each.construct for each in report.approximations] == [construct]
+    assert "GP119" in {each.rule for each in report.findings}
+
+
+def test_a_graph_without_directions_is_refused() -> None:
+    whole = json.loads(as_json(machine("start SUCCEEDED a", "a SUCCEEDED end")))
+    (report,) = gpsfsm.check(json.dumps(whole | {"directed": False})).plans
+    assert "the graph is not directed" in report.findings[0].message
+
+
 def test_a_machine_beyond_the_limits_is_not_read() -> None:
     parsed = read_machine(as_json(machine(*DOOR, j=2)), limits=Limits(max_elements=3))
     assert parsed is not None

@@ -12,6 +12,9 @@ The states of a *concurrence* are entered together. For each combination of thei
 a join that waits for it; the first rule of the outcome map that holds in a combination says how the
 concurrence ends. Where there are more than ``MOST_COMBINATIONS``, a choice takes their place. With
 ``early``, a rule ends the concurrence as soon as it holds, and stops the others.
+
+A state whose class is not in the file may have outcomes that the file does not name (``open``):
+those of its container, or in a concurrence one of which no rule speaks. They enter inexact nodes.
 """
 
 from __future__ import annotations
@@ -23,10 +26,11 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.compile.formats.elements import problem
-from gpsfsm.compile.machines import Place, ReadMachine, machine_of
+from gpsfsm.compile.machines import Place, ReadMachine, machine_of, mark
 from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Location
+from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
@@ -35,7 +39,6 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from gpsfsm.model.finding import Problem
-    from gpsfsm.model.precision import Approximation
 
 MOST_COMBINATIONS: Final = 64
 MOST_STATES: Final = 5_000
@@ -46,6 +49,10 @@ _FAILURE = re.compile(
     re.I,
 )
 _DONE: Final = Event.SUCCEEDED
+_RAISED: Final = ""
+"""The outcome of a container that ends by an exception."""
+_UNNAMED: Final = "*"
+"""All outcomes of which no rule of a concurrence speaks."""
 Signal = tuple[str, Event]
 """An event of a node of the graph."""
 
@@ -66,6 +73,10 @@ class State:
     ``transitions`` name a state beside it, or an outcome of the container around it, by outcome.
     ``kind`` is what the file calls it; ``parallel`` containers are concurrences, whose ``rules``
     say (outcome, outcomes by state) in their order, and ``default`` what else.
+
+    ``open``: how the file leaves open which further outcomes a state has. In a container that goes
+    ``by_name``, an outcome without a transition leads to the state of that name. ``exclusive``: a
+    concurrence raises where several of its outcomes hold, or none and there is no default.
     """
 
     name: str
@@ -82,6 +93,14 @@ class State:
     open_end: bool = False  # a function in the file decides how it ends, and nobody knows how
     rules: list[tuple[str, Mapping[str, str]]] = field(default_factory=list)
     default: str = ""
+    open: Cause | None = None
+    by_name: bool = False
+    exclusive: bool = False
+
+    def over(self, cause: Cause) -> Approximation:
+        """The report that it is over-approximated."""
+        location = Location(self.place.line, self.place.column, clip(f"/machine/{self.name}", 200))
+        return Approximation(Reading.OVER, clip(self.name, 60), location, cause)
 
 
 def machine_from(
@@ -89,7 +108,7 @@ def machine_from(
 ) -> ReadMachine:
     """The machine of an outermost container, or what is wrong with it.
 
-    ``approximations``: what the reader says of other constructs than its states.
+    ``approximations``: what a reader says of constructs that are no states.
     """
     writer = _Writer(top)
     if writer.problems:
@@ -108,6 +127,7 @@ class _Scope:
         self.ends: dict[str, list[tuple[str, Signal]]] = {}  # of a concurrence: by state
         self.firsts: list[str] = []  # of a concurrence with conflicts: joins that choose a rule
         self.added: list[str] = []  # choices and ticks of its states and of its own end
+        self.undeclared = ""  # the node at which a state has ended as no transition says
 
 
 class _Writer:
@@ -167,11 +187,8 @@ class _Writer:
     def _check_container(self, scope: _Scope) -> None:
         state = scope.state
         if len(scope.states) < len(state.states):
-            twice = next(
-                each
-                for number, each in enumerate(state.states)
-                if each.name in {other.name for other in state.states[:number]}
-            )
+            names = [each.name for each in state.states]
+            twice = next(each for each in reversed(state.states) if names.count(each.name) > 1)
             self._fault(twice, f"there are two states {twice.name!r} here", "rename one of them")
         if not state.states:
             self._fault(state, f"there is no state in {state.name!r}", "add the first state")
@@ -186,7 +203,8 @@ class _Writer:
                     message = f"the outcome map of {state.name!r} names {name!r}, which it lacks"
                     self._fault(state, message, "name one of its states")
             self._check_outcome(state, outcome, "the outcome map leads to")
-        if state.parallel and not state.open_end and not state.early:
+        raises = state.exclusive and state.default == _RAISED
+        if state.parallel and not state.open_end and not state.early and not raises:
             self._check_outcome(state, state.default, "by default it ends with")
 
     def _check_outcome(self, state: State, outcome: str, what: str) -> None:
@@ -199,7 +217,8 @@ class _Writer:
         if around.parallel:
             return
         for outcome in state.outcomes:
-            if outcome not in state.transitions and outcome in around.outcomes:
+            named = outcome in around.outcomes or (around.by_name and outcome in scope.states)
+            if outcome not in state.transitions and named:
                 state.transitions[outcome] = outcome  # as SMACH connects it
             elif outcome not in state.transitions:
                 message = f"no transition takes the outcome {outcome!r} of {state.name!r}"
@@ -212,7 +231,7 @@ class _Writer:
                     "state here and no outcome of what is around it"
                 )
                 self._fault(state, message, "correct the name, or add the state")
-        if not state.transitions and not state.outcomes and not state.container:
+        if not (state.transitions or state.outcomes or state.container or state.open):
             message = f"nothing follows {state.name!r}"
             self._fault(state, message, "add its transitions")
 
@@ -228,14 +247,9 @@ class _Writer:
 
     def _leaf(self, scope: _Scope, state: State) -> None:
         path = f"{scope.path}/{state.name}" if scope.path else state.name
+        own = {key: each for key, each in state.parameters.items() if not key.startswith("@")}
         state.parameters["@node"] = self._node(
-            path,
-            state.place,
-            kind="runner",
-            interface=state.kind,
-            parameters={
-                key: value for key, value in state.parameters.items() if not key.startswith("@")
-            },
+            path, state.place, kind="runner", interface=state.kind, parameters=own
         )
 
     def _choice(
@@ -273,23 +287,35 @@ class _Writer:
 
     def _leave(self, signal: Signal, scope: _Scope, state: State, outcome: str) -> None:
         """A state ends with an outcome: what it leads to, up through the containers around it."""
-        while True:
-            if scope.state.parallel:
-                scope.ends.setdefault(state.name, []).append((outcome, signal))
+        if scope.state.parallel:
+            scope.ends.setdefault(state.name, []).append((outcome, signal))
+        else:
+            self._lead(signal, scope, state.transitions[outcome])
+
+    def _lead(self, signal: Signal, scope: _Scope, target: str) -> None:
+        """To a state of a container, or out of it by one of its outcomes."""
+        if target in scope.states:
+            self._enter(signal, scope, scope.states[target])
+        elif scope.outer is None:
+            self._connect([signal], "give_up" if is_failure(target) else "complete")
+        else:
+            self._leave(signal, scope.outer, scope.state, target)
+
+    def _raise(self, signal: Signal, scope: _Scope) -> None:
+        """A container ends by an exception: so does all around it, once concurrences have ended."""
+        while scope.outer is not None:
+            if scope.outer.state.parallel:
+                scope.outer.ends.setdefault(scope.state.name, []).append((_RAISED, signal))
                 return
-            target = state.transitions[outcome]
-            if target in scope.states:
-                self._enter(signal, scope, scope.states[target])
-                return
-            if scope.outer is None:
-                self._connect([signal], "give_up" if is_failure(target) else "complete")
-                return
-            state, scope, outcome = scope.state, scope.outer, target
+            scope = scope.outer
+        self._connect([signal], "give_up")
 
     def _outcomes(self, scope: _Scope, state: State) -> None:
         """The outcomes of a state: by its two events, and choices where these are not enough."""
         node = state.parameters["@node"]
-        outcomes = list(dict.fromkeys((*state.transitions, *state.outcomes))) or ["done"]
+        outcomes = list(dict.fromkeys((*state.transitions, *state.outcomes)))
+        if not outcomes and not self._has_more(scope, state):
+            outcomes = ["done"]
         failures = [each for each in outcomes if is_failure(each)]
         others = [each for each in outcomes if each not in failures]
         if not failures or not others:
@@ -305,14 +331,54 @@ class _Writer:
             key = outcome if scope.state.parallel else state.transitions[outcome]
             groups.setdefault(key, []).append(outcome)
         rows = list(groups.values())
+        more = self._has_more(scope, state)
+        path = state.parameters["@node"]
         for number, names in enumerate(rows):
-            if number == len(rows) - 1:
+            if number == len(rows) - 1 and not more:
                 self._leave(signal, scope, state, names[0])
                 return
-            path = state.parameters["@node"]
             of = f"{path}: {' or '.join(names)}"
             taken, signal = self._choice(scope, of, state.place, [signal])
             self._leave(taken, scope, state, names[0])
+        self._undeclared(signal, scope, state)
+
+    def _has_more(self, scope: _Scope, state: State) -> bool:
+        """True if a state may end as the file does not say, and that leads anywhere else."""
+        if scope.state.parallel:
+            return bool(state.open) and any(state.name in items for _, items in scope.state.rules)
+        declared = {*state.transitions, *state.transitions.values()}
+        return bool(state.open) and not declared.issuperset(self._implicit(scope))
+
+    def _implicit(self, scope: _Scope) -> tuple[str, ...]:
+        """The states and outcomes that an outcome without a transition can lead to."""
+        around = scope.state
+        return (*around.outcomes, *(scope.states if around.by_name else ()))
+
+    def _undeclared(self, signal: Signal, scope: _Scope, state: State) -> None:
+        """An outcome that is not in the file; what it leads to is one choice for all states."""
+        assert state.open is not None
+        over = state.over(state.open)
+        if scope.state.parallel:
+            name = f"{state.parameters['@node']}: another outcome"
+            node = self._node(name, state.place, kind="runner", interface=TICK)
+            scope.added.append(node)
+            self._leave((node, _DONE), scope, state, _UNNAMED)
+        else:
+            node = scope.undeclared = scope.undeclared or self._any_of(scope, over)
+        self._connect([signal], node)
+        mark(self.graph, node, over)
+
+    def _any_of(self, scope: _Scope, over: Approximation) -> str:
+        """Choices among all that an outcome without a transition can lead to; the first of them."""
+        first, signals = "", list[Signal]()
+        for target in dict.fromkeys(self._implicit(scope)):
+            of = f"{scope.path or scope.state.name}: undeclared '{target}'"
+            taken, other = self._choice(scope, of, scope.state.place, signals)
+            mark(self.graph, taken[0], over)
+            self._lead(taken, scope, target)
+            first, signals = first or taken[0], [other]
+        self._lead(other, scope, target)
+        return first
 
     # -- concurrences -----------------------------------------------------------------------
 
@@ -342,7 +408,7 @@ class _Writer:
     def _combinations(self, scope: _Scope) -> list[tuple[str, ...]]:
         """The combinations of outcomes, in the order of the states; none if they are too many.
 
-        Outcomes of which no rule speaks count as one, "*".
+        Outcomes of which no rule speaks count as one.
         """
         state = scope.state
         named: list[list[str]] = []
@@ -351,8 +417,10 @@ class _Writer:
             spoken = [items[each.name] for _, items in state.rules if each.name in items]
             declared = list(dict.fromkeys((*each.outcomes, *each.transitions)))
             rows = list(dict.fromkeys(spoken))
-            if any(outcome not in rows for outcome in declared) or not declared:
-                rows.append("*")
+            if each.open or not declared or any(outcome not in rows for outcome in declared):
+                rows.append(_UNNAMED)
+            if _may_raise(each):
+                rows.append(_RAISED)
             named.append(rows)
             size *= len(rows)
         return list(product(*named)) if 0 < size <= MOST_COMBINATIONS else []
@@ -365,26 +433,33 @@ class _Writer:
         elif state.early:
             self._early(scope)
         else:
-            spoken = [set(rows) - {"*"} for rows in zip(*combinations, strict=True)]
+            spoken = [{*rows} - {_UNNAMED} for rows in zip(*combinations, strict=True)]
             for join, combination in zip(scope.joins, combinations, strict=True):
-                for position, (each, outcome) in enumerate(
-                    zip(state.states, combination, strict=True)
-                ):
-                    signals = [
+                inputs = [
+                    [
                         signal
                         for name, signal in scope.ends.get(each.name, [])
-                        if name == outcome or (outcome == "*" and name not in spoken[position])
+                        if name == outcome or (outcome == _UNNAMED and name not in names)
                     ]
-                    self._connect(signals, join)
-                self._end(scope, outer, (join, Event.SUCCEEDED), self._result(scope, combination))
+                    for each, outcome, names in zip(state.states, combination, spoken, strict=True)
+                ]
+                if all(inputs):  # else this never happens, and nothing follows it
+                    for signals in inputs:
+                        self._connect(signals, join)
+                    result = self._result(scope, combination)
+                    self._end(scope, outer, (join, Event.SUCCEEDED), result)
 
     def _result(self, scope: _Scope, combination: tuple[str, ...]) -> str:
         state = scope.state
         here = {each.name: outcome for each, outcome in zip(state.states, combination, strict=True)}
-        for outcome, items in state.rules:
-            if all(here[name] == wanted for name, wanted in items.items()):
-                return outcome
-        return state.default
+        held = [
+            outcome
+            for outcome, items in state.rules
+            if all(here[name] == wanted for name, wanted in items.items())
+        ]
+        if _RAISED in combination or (state.exclusive and len({*held}) > 1):
+            return _RAISED
+        return held[0] if held else state.default
 
     def _early(self, scope: _Scope) -> None:
         """Each rule has a join, and ends the concurrence as soon as it holds.
@@ -432,6 +507,7 @@ class _Writer:
         if state.open_end:
             inside = list(self._runners(scope))
             early, _ = self._choice(None, f"{path}: this ends all others", state.place, ends)
+            mark(self.graph, early[0], state.over(Cause.CODE))
             for node in (*inside, last[0]):
                 self._connect([early], node, "stop")
             self._connect([last], early[0], "stop")
@@ -440,6 +516,9 @@ class _Writer:
         for join in scope.joins:
             self._connect(signals, join, "stop")
         outcomes = list(state.outcomes)
+        cause = Cause.CODE if state.open_end else Cause.COMBINATIONS
+        if _may_raise(state):
+            outcomes.append(_RAISED)
         for number, outcome in enumerate(outcomes):
             if number == len(outcomes) - 1:
                 for signal in signals:
@@ -447,6 +526,7 @@ class _Writer:
                 return
             of = f"{path}: {outcome}"
             taken, other = self._choice(scope.outer, of, state.place, signals)
+            mark(self.graph, taken[0], state.over(cause))
             self._end(scope, scope.outer, taken, outcome)
             signals = [other]
 
@@ -464,10 +544,13 @@ class _Writer:
     def _end(self, scope: _Scope, outer: _Scope | None, signal: Signal, outcome: str) -> None:
         path = scope.path or scope.state.name
         if self.graph.nodes[signal[0]]["kind"] == "join":  # else it could cause itself at once
-            signal = (self._tick(scope, f"{path}: {outcome}", [signal]), _DONE)
+            name = f"{path}: {outcome or 'an exception'}"
+            signal = (self._tick(scope, name, [signal]), _DONE)
         for join in (*scope.joins, *scope.firsts):  # the others wait for nobody any more
             self._connect([signal], join, "stop")
-        if outer is None:
+        if outcome == _RAISED:
+            self._raise(signal, scope)
+        elif outer is None:
             self._connect([signal], "give_up" if is_failure(outcome) else "complete")
         else:
             self._leave(signal, outer, scope.state, outcome)
@@ -483,6 +566,11 @@ class _Writer:
                     pending.append(inside.inner[each.name])
                 else:
                     yield each.parameters["@node"]
+
+
+def _may_raise(state: State) -> bool:
+    """True for what ends by an exception if rules of a concurrence in it are not clear."""
+    return state.exclusive or any(map(_may_raise, state.states))
 
 
 Rules = list[tuple[str, Mapping[str, str]]]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 CORPUS = Path(__file__).parents[3] / "corpus" / "machines"
 EXAMPLES = {
-    "agent.langgraph.json": ("GP301", 6, "no run of the machine triggers reflect at line 6"),
+    "agent.langgraph.json": ("GP117", 14, "an edge names 'planner', which is not a node"),
     "delivery.yasmin.xml": (
         "GP313",
         9,
@@ -57,7 +57,7 @@ def test_every_example_has_a_defect() -> None:
     ) == sorted(EXAMPLES)
 
 
-@pytest.mark.parametrize(("folder", "least"), [("flexbe", 0.8), ("smach", 0.6), ("yasmin", 1.0)])
+@pytest.mark.parametrize(("folder", "least"), [("flexbe", 0.8), ("smach", 0.6), ("yasmin", 0.8)])
 def test_machines_of_public_repositories_are_read(
     shared_corpus: Path, folder: str, least: float
 ) -> None:

@@ -288,12 +288,6 @@ GRAPH = {
 }
 
 
-def test_conditional_edges_are_choices() -> None:
-    plan, problems = langgraph.read(json.dumps(GRAPH, indent=1), "g.json", DEFAULT_LIMITS)
-    assert plan is not None, problems
-    assert names(plan) == ["agent", "tools", "agent: tools"]
-
-
 def test_mutated_graphs_never_raise() -> None:
     random = Random(3)  # noqa: S311  (no secrets here)
     whole = json.dumps(GRAPH)
