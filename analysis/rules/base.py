@@ -87,6 +87,7 @@ class Rule:
         return self.finding(
             problem.message,
             problem.location,
+            severity=problem.severity,
             hint=problem.hint,
             related=problem.related,
             length=problem.length,

@@ -24,7 +24,7 @@ from gpsfsm.model.plan import Location
 from gpsfsm.strict_json import strict_loads
 from gpsfsm.syntax import Parsed
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits, read_source
-from gpsfsm.syntax.text import Lines
+from gpsfsm.syntax.text import Lines, root_name
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -33,14 +33,11 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.automaton import Automaton
 
-_GRAPHML = pattern(
-    r"\s*(?:<\?xml[^>]*\?>\s*|<!--.*?-->\s*"
-    r"|<!DOCTYPE[^>\[]{0,1000}(?:\[[^\]]{0,1000}\]\s*)?>\s*)*<graphml\b"
-)
-"""The beginning of GraphML; a DOCTYPE is part of it, and is refused."""
+_JSON = pattern(r"\s*+\{")
+_START = pattern(r'"id"\s*+:\s*+"__start__"')
 _BLANK = pattern(r"[ \t\r\n]*")
 _ROWS = pattern(r'"nodes"[ \t\r\n]*:[ \t\r\n]*\[')
-_TAGS = pattern(r"<node\b[^>]*?\bid=(?:\"([^\"]*)\"|'([^']*)')[^>]*>")
+_TAGS = pattern(r"<(?:\w+:)?node\b[^>]*?\bid=(?:\"([^\"]*)\"|'([^']*)')[^>]*>")
 
 
 def read_machine(
@@ -54,7 +51,7 @@ def read_machine(
     if text is None or not _is_machine(text):
         return None
     try:
-        graph, places = _from_json(text) if text.lstrip()[:1] == "{" else _from_graphml(text)
+        graph, places = _from_json(text) if is_json(text) else _from_graphml(text)
     except _TextError as fault:
         line, column = Lines(text).position(fault.offset)
         problem = Problem(MALFORMED, str(fault), Location(line, column, "/machine"), fault.hint)
@@ -78,9 +75,19 @@ def graph_from_json(text: str) -> nx.MultiDiGraph[Any]:
 
 
 def _is_machine(text: str) -> bool:
-    if text.lstrip()[:1] == "{":
-        return '"nodes"' in text and '"edges"' in text and '"__start__"' not in text
-    return _GRAPHML.match(text) is not None
+    if is_json(text):
+        return '"nodes"' in text and '"edges"' in text and not has_start(text)
+    return root_name(text).rpartition(":")[2] == "graphml"
+
+
+def is_json(text: str) -> bool:
+    """True for what begins as a JSON object."""
+    return _JSON.match(text) is not None
+
+
+def has_start(text: str) -> bool:
+    """True if there is a node ``__start__`` in JSON: LangGraph begins at this one."""
+    return _START.search(text) is not None
 
 
 class _TextError(InputError):

@@ -8,24 +8,48 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.late import pattern
+from gpsfsm.model.finding import Problem
+from gpsfsm.model.plan import Location
 from gpsfsm.syntax import DEFAULT_LIMITS, Limits, Parsed, parse
 from gpsfsm.syntax.source import read_source
+from gpsfsm.syntax.text import root_name
+from gpsfsm.syntax.tree import OF_PLANS
 
 if TYPE_CHECKING:
     from gpsfsm.compile.units import TreeMachine, TreePlan
-    from gpsfsm.model.finding import Problem
     from gpsfsm.model.tree import Forest
     from gpsfsm.syntax.trees import Includes
 
 _EXTRACTED = "GP115"
 _LOST = "GP813"
 _OF_ALL_FILES = ("GP801", "GP802")
-_BEGINNING = 2_000
-_PLANS = ("<Plan", "<root", "<BehaviorTree")
-_MACHINE = pattern(r"[^\w<{]*+(?:<\?xml[^>]*+>\s*+)?(?:<graphml\b|\{)")
-"""The beginning of a machine, whose texts may hold a plan."""
-_FOREIGN = pattern(r"<(?:\w+:)?(?:scxml|StateMachine)\b|__start__|^\s*+(?:<\?xml|\{)")
-"""Something that may stand at the beginning of a machine of another tool."""
+_JSON = pattern(r"\s*+\{")
+_PLANS = ("", "Plan", "Control", "Runner", "root", "BehaviorTree")
+_BUILDERS = {
+    "langgraph": (
+        "this Python builds a LangGraph graph, which gpsfsm does not run",
+        "write its JSON and check that: json.dump(graph.get_graph().to_json(), file)",
+    ),
+    "yasmin": (
+        "this Python builds a YASMIN state machine; of YASMIN, gpsfsm reads only XML",
+        "write the machine as the XML that YASMIN's factory loads and its editor saves",
+    ),
+    "py_trees": (
+        "this Python builds a tree of py_trees, which gpsfsm does not run",
+        "write the tree as XML of BehaviorTree.CPP, and check that",
+    ),
+}
+"""Packages whose Python is not read: what it is, and what can be checked instead."""
+_UNREAD = {
+    ".py": "this Python imports neither flexbe_core nor smach, so it builds no machine to be read",
+    ".ipynb": "this is a notebook, and gpsfsm does not run its Python",
+    ".json": 'this JSON is no machine: it lacks "nodes" or "edges"',
+    ".yaml": "this is YAML, in which there are no plans, trees or machines",
+    ".yml": "this is YAML, in which there are no plans, trees or machines",
+    ".mdl": "this is a model of Simulink, which gpsfsm does not read",
+}
+"""Kinds of files, by the ends of their names, that hold nothing that can be checked."""
+_READ = "docs/machines.md and docs/behaviour-trees.md list what gpsfsm reads"
 
 
 def read_plan_or_machine(
@@ -51,32 +75,40 @@ def machine_in(
     text: str | bytes, *, file: str = "<text>", limits: Limits = DEFAULT_LIMITS
 ) -> Parsed | None:
     """The machine in a text; None for a text that holds none, as most texts show at once."""
-    begin = text[:_BEGINNING]
-    if isinstance(begin, bytes):
-        begin = begin.replace(b"\0", b"").decode("latin-1")
-    python = file.endswith(".py")
-    may_be = python or _MACHINE.match(begin)
-    if not may_be and any(sign in begin for sign in _PLANS):
+    decoded = read_source(text, limits).text
+    if decoded is None:
         return None
-    if not python and ("{" in begin or "<graphml" in begin):
+    python, json = file.endswith(".py"), _JSON.match(decoded) is not None
+    root = "" if python or json else root_name(decoded).rpartition(":")[2]
+    if json or root == "graphml":
         from gpsfsm.compile.machine_files import read_machine  # loads networkx
 
-        machine = read_machine(text, file=file, limits=limits)
+        machine = read_machine(decoded, file=file, limits=limits)
         if machine is not None:
             return machine
-    return _of_a_format(text, begin, file, limits) if python or _FOREIGN.search(begin) else None
+    if python or json or root not in _PLANS:
+        from gpsfsm.compile.formats import format_of
+
+        chosen = format_of(decoded, file)
+        if chosen is not None and chosen.read is not None:
+            plan, problems = chosen.read(decoded, file, limits)
+            return Parsed(file, decoded, plan, problems, machine=True)
+    return _unread(decoded, file, json=json)
 
 
-def _of_a_format(text: str | bytes, begin: str, file: str, limits: Limits) -> Parsed | None:
-    """The machine of a text in the format of another tool; None if it is in none."""
-    from gpsfsm.compile.formats import format_of
-
-    chosen = format_of(begin, file)
-    decoded = read_source(text, limits).text
-    if chosen is None or chosen.read is None or decoded is None:
+def _unread(text: str, file: str, *, json: bool) -> Parsed | None:
+    """The sentence about a text of a kind that holds nothing to be checked; None for others."""
+    ending = file[file.rfind(".") :].lower()
+    if (ending not in _UNREAD and not json) or OF_PLANS.search(text):
         return None
-    machine, problems = chosen.read(decoded, file, limits)
-    return Parsed(file, decoded, machine, problems, machine=True)
+    message, hint = _UNREAD.get(ending, _UNREAD[".json"]), _READ
+    if ending == ".py":
+        from gpsfsm.compile.formats.python_source import imports
+
+        builder = next((each for each in _BUILDERS if imports(text, each)), None)
+        message, hint = (message, hint) if builder is None else _BUILDERS[builder]
+    problem = Problem("GP104", message, Location(1, 1), hint)
+    return Parsed(file, text, None, (problem,), foreign=True)
 
 
 def read_plan(
@@ -134,7 +166,7 @@ def _span(text: str, from_response: bool) -> tuple[int, int] | None:
         return None
     from gpsfsm.syntax.trees import cut_trees, is_trees
 
-    if is_trees(text):
+    if is_trees(text, alone=from_response):
         return 0, len(text)
     return cut_trees(text) if from_response and "<Plan" not in text else None
 

@@ -118,7 +118,7 @@ def _is_fault(problem: Problem, forest: Forest | None, task: Task) -> bool:
         return forest is None or forest.main < 0
     if problem.rule == _UNKNOWN:
         return bool(task.nodes)
-    return rule(problem.rule).severity is Severity.ERROR
+    return (problem.severity or rule(problem.rule).severity) is Severity.ERROR
 
 
 def _misused(forest: Forest, task: Task) -> Iterator[Problem]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import fnmatch
-import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +18,7 @@ from gpsfsm.compile.plan_text import holds_trees
 from gpsfsm.lsp.checking import Apart
 from gpsfsm.lsp.diagnostics import Pages
 from gpsfsm.lsp.words import Prose
-from gpsfsm.syntax.text import NAME_PATTERN
+from gpsfsm.syntax.text import OUTERMOST, root_name
 from gpsfsm.workers import Lost
 
 if TYPE_CHECKING:
@@ -108,12 +107,6 @@ class Session:
         self.pages.close()
 
 
-_FIRST = re.compile(
-    r"(?:[^<]++|<\?.*?(?:\?>|\Z)|<!--.*?(?:-->|\Z)|<!(?!--)[^<>]*+>|<(?![/A-Za-z_:]))*+"
-    rf"<(?P<name>{NAME_PATTERN})",
-    re.DOTALL,
-)
-"""What has no end ends with the text; else it would be looked for at each place again."""
 _NAMES = frozenset({"plan", "control", "runner"})
 
 
@@ -128,15 +121,12 @@ def is_plan(text: str) -> bool:
     >>> is_plan("<!-- go --><plan>"), is_plan("<robot name='r2'/>"), is_plan("no markup at all")
     (True, False, False)
     """
-    first = _FIRST.match(text)
-    if first is None:
-        return False
-    return first["name"].lower() in _NAMES or holds_trees(text)
+    return root_name(text).lower() in _NAMES or holds_trees(text)
 
 
 def outermost(text: str) -> int | None:
     """The offset of the outermost element's name; None if there is none."""
-    first = _FIRST.match(text)
+    first = OUTERMOST.match(text)
     return None if first is None else first.start("name")
 
 

@@ -95,7 +95,8 @@ class Scenario:
 class Problem:
     """A report of the front end: a rule code, a place and words; rules turn it into a finding.
 
-    ``length`` is the number of code points to underline on that line (0: only a caret).
+    ``length`` is the number of code points to underline on that line (0: only a caret);
+    ``severity`` is that of the rule, unless it is given.
     """
 
     rule: str
@@ -104,6 +105,7 @@ class Problem:
     hint: str = ""
     length: int = 0
     related: tuple[Related, ...] = ()
+    severity: Severity | None = None
 
 
 @dataclass(frozen=True, slots=True)

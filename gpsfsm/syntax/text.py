@@ -7,6 +7,8 @@ back; ``(a*)*b`` would first try every division of the letters.
 
 from __future__ import annotations
 
+import re
+
 from gpsfsm.late import pattern
 
 WHITE = " \t\r\n"
@@ -28,7 +30,27 @@ ILLEGAL = pattern("[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 SPACED_TAG = pattern(rf"<[{WHITE}]++/?+[{WHITE}]*+(?:Plan|Control|Runner)\b")
 """A tag that is none, because blanks follow its ``<``."""
 
+OUTERMOST = pattern(
+    r"(?:[^<]++|<\?.*?(?:\?>|\Z)|<!--.*?(?:-->|\Z)|<!(?!--)[^<>]*+>|<(?![/A-Za-z_:]))*+"
+    rf"<(?P<name>{NAME_PATTERN})",
+    re.DOTALL,
+)
+"""A text up to the name of its outermost element, whatever stands before that.
+
+A comment without an end ends with the text; else it would be looked for at each place again.
+"""
+
 _STRIDE = 4096
+
+
+def root_name(text: str) -> str:
+    """The name of a text's outermost element as it is written, "" where there is none.
+
+    >>> root_name("<?xml version='1.0'?> <!-- <a/> --> <s:b/>"), root_name("no markup at all")
+    ('s:b', '')
+    """
+    first = OUTERMOST.match(text)
+    return "" if first is None else first["name"]
 
 
 def strip(text: str) -> str:

@@ -219,6 +219,31 @@ def parse_document(text: str, limits: Limits = DEFAULT_LIMITS) -> EngineDocument
         return Unreadable(wrong.name, line, wrong.offset, str(wrong))
 
 
+def read_elements(
+    text: str, limits: Limits
+) -> list[tuple[str, int, list[tuple[str, str]]]] | None:
+    """The elements of ``text`` as an engine reads them; None if it refuses the text.
+
+    Of each element: the tag, the place of the element around it in this list, and the attributes.
+
+    >>> from gpsfsm.syntax.source import Limits
+    >>> read_elements("go <a><b c='&'/></a>", Limits())
+    [('a', -1, []), ('b', 0, [('c', '&')])]
+    """
+    try:
+        document = parse_document(text, limits)
+    except InputError:
+        return None
+    if isinstance(document, Unreadable):
+        return None
+    elements = [each for each in document.nodes if isinstance(each, EngineElement)]
+    places = {-1: -1} | {each.index: place for place, each in enumerate(elements)}
+    return [
+        (each.tag, places[each.parent], [(one.name, one.value) for one in each.attributes])
+        for each in elements
+    ]
+
+
 class _Open:
     """An element whose end tag has not come yet."""
 

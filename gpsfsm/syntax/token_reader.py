@@ -8,12 +8,13 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections import Counter
+from dataclasses import replace
 from difflib import SequenceMatcher
 from enum import Enum, auto
 from typing import TYPE_CHECKING, ClassVar, assert_never
 
 from gpsfsm.late import dataclass, pattern
-from gpsfsm.model.finding import Problem, Related
+from gpsfsm.model.finding import Problem, Related, Severity
 from gpsfsm.model.plan import Attribute, Location
 from gpsfsm.syntax.text import WHITE, clip, is_namespace_declaration
 from gpsfsm.syntax.tokens import Comment, EndTag, Fault, Markup, OverLimit, StartTag, TextRun, Token
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 
 _OF_TEXT = ("GP101", "GP102", "GP108", "GP110")
+_LOOSE = ("GP101", "GP108")
 _VAIN = 100
 
 
@@ -97,6 +99,19 @@ class Collector:
         """Report what the scanner found."""
         for start, length, message, hint, rule in faults:
             self.add(rule, start, length, message=message, hint=hint, element=element)
+
+    def tolerate(self, words: str) -> None:
+        """Make warnings of what breaks the rules of XML in this file; ``words`` say who reads it.
+
+        Nothing changes if anything else is wrong with the text.
+        """
+        rows = [each for each in self._problems if each.location.file == self.file]
+        if any(each.rule in _OF_TEXT and each.rule not in _LOOSE for each in rows):
+            return
+        for number, each in enumerate(self._problems):
+            if each.rule in _LOOSE and each.location.file == self.file:
+                message = f"{each.message}; {words}"
+                self._problems[number] = replace(each, message=message, severity=Severity.WARNING)
 
     def problems(self) -> tuple[Problem, ...]:
         """The problems in text order, file by file."""

@@ -329,6 +329,15 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
     """
     names = [attribute.name for attribute in tag.attributes]
     trees = behavior_tree_root(tag.name, names)
+    written = tag.name.rpartition(":")[2]
+    meant = _OTHERS.get(written.lower(), "")
+    if meant and tag.name != meant and (meant != "root" or "<BehaviorTree" in text):
+        message = f"the outermost element is <{clip(tag.name)}>, which nothing reads"
+        hint = f"write <{meant}>, in these letters"
+        if written != tag.name:
+            hint += " and without a prefix"
+        collector.add("GP104", tag.start, 1 + len(tag.name), message=message, hint=hint)
+        return
     if not (trees or OF_PLANS.search(text)):
         message = "the outermost element is not <Plan>: a plan is one <Plan> element"
         hint = f"write a plan as <Plan>…</Plan>; {_RESPONSE}"
@@ -355,6 +364,8 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
     collector.add("GP104", tag.start, length, message=message, hint=hint, element=f"/{name}")
 
 
+_OTHERS = {each.lower(): each for each in ("root", "scxml", "StateMachine", "graphml")}
+"""The outermost elements of what is no plan, by their names in small letters."""
 _MAX_RELATED = 20
 _MAX_NAMED = 6
 _MAX_OF_TREE = 100

@@ -313,6 +313,10 @@ class NodeRules:
             self._tell("GP801", node, message, f'write <SubTree ID="{clip(name)}"/>')
             return
         model = None if self.models is None else self.models.get(name)
+        if name == "Root" and node.children and model is None:
+            message = "<Root> is what old Groot wrote into the file; BehaviorTree.CPP refuses it"
+            self._tell("GP805", node, message, "remove <Root> and </Root>, and keep what is inside")
+            return
         category = node.tag if node.explicit else model.category if model else ""
         if category in ("Action", "Condition", "SubTree") and node.children:
             article = "an" if category == "Action" else "a"

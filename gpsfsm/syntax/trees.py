@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.tree import RESERVED, Forest, TreeNode
 from gpsfsm.syntax.frontend import DEEPEST, well_formedness_fault
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits
-from gpsfsm.syntax.text import ILLEGAL, WHITE, Lines, clip
+from gpsfsm.syntax.text import ILLEGAL, WHITE, Lines, clip, root_name
 from gpsfsm.syntax.token_reader import (
     MAX_SUPPRESSIONS,
     Collector,
@@ -54,13 +55,16 @@ class ReadTrees:
     over: bool
 
 
-def is_trees(text: str) -> bool:
+def is_trees(text: str, *, alone: bool = False) -> bool:
     """True if a text is a file of behaviour trees and not a plan.
+
+    BehaviorTree.CPP skips text before them; with ``alone``, a text with such text is none.
 
     >>> is_trees('<root BTCPP_format="4"/>'), is_trees("<Plan/>"), is_trees("<root/>")
     (True, False, False)
     """
-    return _FIRST.match(text) is not None and any(sign in text for sign in _SIGNS)
+    begins = _FIRST.match(text) is not None if alone else begins_as_trees(text)
+    return begins and any(sign in text for sign in _SIGNS)
 
 
 def last_root(text: str) -> tuple[int, int] | None:
@@ -123,7 +127,7 @@ def include_elements(text: str, limits: Limits = DEFAULT_LIMITS) -> list[TreeNod
     >>> [node.text("path") for node in include_elements('<root><include path="arm.xml"/></root>')]
     ['arm.xml']
     """
-    if "<include" not in text or _FIRST.match(text) is None:
+    if "<include" not in text or not begins_as_trees(text):
         return []
     reader = TreeReader(ILLEGAL.sub(" ", text), limits, Collector(Lines(text), 1))
     return _includes_of(reader.read(scan(reader.text, limits)), 0)
@@ -131,7 +135,7 @@ def include_elements(text: str, limits: Limits = DEFAULT_LIMITS) -> list[TreeNod
 
 def begins_as_trees(text: str) -> bool:
     """True if the outermost element of a text is one that holds trees."""
-    return _FIRST.match(text) is not None
+    return root_name(text) in ("root", "BehaviorTree")
 
 
 def _includes_of(nodes: Sequence[TreeNode], root: int) -> list[TreeNode]:
@@ -216,6 +220,16 @@ class Reading:
                 offset = collector.lines.offset(line, column)
                 collector.add(rule, offset, length, message=message, hint=hint)
                 broken = True
+        if broken and nodes and not (reader.over or reader.fatal):
+            from gpsfsm.syntax.tinyxml import read_elements
+
+            base = nodes[0].index
+            rows = [
+                (each.tag, max(each.parent - base, -1), [(a.name, a.text) for a in each.attributes])
+                for each in nodes
+            ]
+            if rows == read_elements(body, self.limits):
+                collector.tolerate("BehaviorTree.CPP reads it, but Groot2 and other tools do not")
         self.nodes += nodes
         self.broken |= broken
         room = MAX_SUPPRESSIONS - len(self.suppressions)
@@ -314,18 +328,24 @@ class TreeReader(TokenReader):
             self.broken = self.fatal = True
 
     def _text(self, run: TextRun) -> None:
-        """BehaviorTree.CPP skips text inside elements, and so do we; outside it is an error."""
+        """BehaviorTree.CPP skips text inside elements, and so do we; outside it is reported."""
         self._faults(run.faults)
         if not self._nesting.frames:
             self.broken = True
-            shown = clip(self.text[run.start : run.end])
+            shown, hint = clip(self.text[run.start : run.end]), "remove it"
+            if self._outermost in ("root", "BehaviorTree"):
+                hint = "remove it; --from-response takes the tree out of a model's answer"
             self.collector.add(
                 "GP108",
                 run.start,
                 run.end - run.start,
-                message=f"text outside of <root>: {shown}",
-                hint="remove it; --from-response takes the tree out of a model's answer",
+                message=f"text outside of <{clip(self._outermost)}>: {shown}",
+                hint=hint,
             )
+
+    @cached_property
+    def _outermost(self) -> str:
+        return root_name(self.text)
 
     def _node(self, index: int) -> TreeNode:
         tag, parent, path, attributes = self._tags[index]
@@ -420,7 +440,9 @@ class TreeRules:
                 message = (
                     f"<{clip(node.tag)}> has no effect here: BehaviorTree.CPP does not read it"
                 )
+                meant = nearest(node.tag, OF_ROOT)
                 hint = "move it into a <BehaviorTree>, or remove it"
+                hint = f"did you mean <{meant}>? Otherwise {hint}" if meant else hint
                 tell(self.collector, "GP814", node, message=message, hint=hint)
         return tops
 

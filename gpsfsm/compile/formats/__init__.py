@@ -1,8 +1,8 @@
 """Formats of other tools: each is one module here, with an object ``FORMAT`` (or ``FORMATS``).
 
-A format is recognised by the beginning of a text, and read without anything in it being executed.
-What it holds becomes a graph of networkx, and that a machine with the places of its own file
-(docs/machines.md). Other packages add formats by the entry-point group
+A format is recognised by the outermost element of a text, or by what it imports, and read without
+anything in it being executed. What it holds becomes a graph of networkx, and that a machine with
+the places of its own file (docs/machines.md). Other packages add formats by the entry-point group
 ``gpsfsm.machine_formats``.
 """
 
@@ -39,7 +39,7 @@ class CannotSayError(Exception):
 class Format:
     """A format of state machines.
 
-    ``recognises`` looks at the first characters of a text and the name of its file; it never
+    ``recognises`` looks at a text and the name of its file, in time linear in the text; it never
     raises. ``read`` never raises for anything in a text. ``write`` raises CannotSayError.
     """
 
@@ -77,8 +77,8 @@ def _others() -> Iterator[Format]:
         yield loaded
 
 
-def format_of(begin: str, file: str) -> Format | None:
-    """The format of a text that begins so; None for what none recognises."""
+def format_of(text: str, file: str) -> Format | None:
+    """The format of a text; None for what none recognises."""
     return next(
-        (each for each in formats().values() if each.read and each.recognises(begin, file)), None
+        (each for each in formats().values() if each.read and each.recognises(text, file)), None
     )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile.formats import Format
 from gpsfsm.compile.formats.elements import problem
+from gpsfsm.compile.machine_files import has_start, is_json
 from gpsfsm.compile.machines import Place, machine_of
 from gpsfsm.model.capability import CHOICE
 from gpsfsm.model.plan import Location
@@ -30,10 +31,10 @@ if TYPE_CHECKING:
 _START, _END = "__start__", "__end__"
 
 
-def recognises(begin: str, file: str) -> bool:
+def recognises(text: str, file: str) -> bool:
     """True for JSON with a node ``__start__``."""
     del file
-    return begin.lstrip()[:1] == "{" and f'"{_START}"' in begin
+    return is_json(text) and has_start(text)
 
 
 def read(text: str, file: str, limits: Limits) -> ReadMachine:

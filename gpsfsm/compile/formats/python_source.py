@@ -583,12 +583,21 @@ def _read(text: str, file: str, _limits: Limits, *, what: str) -> ReadMachine:
     return Source(text).machine(file, what)
 
 
-def _is_flexbe(begin: str, file: str) -> bool:
-    return file.endswith(".py") and "flexbe_core" in begin
+def _is_flexbe(text: str, file: str) -> bool:
+    return file.endswith(".py") and imports(text, "flexbe_core")
 
 
-def _is_smach(begin: str, file: str) -> bool:
-    return file.endswith(".py") and "smach" in begin.lower()
+def _is_smach(text: str, file: str) -> bool:
+    return file.endswith(".py") and imports(text, "smach")
+
+
+def imports(text: str, word: str) -> bool:
+    """True if a line that imports something names ``word``, whatever stands before it.
+
+    >>> imports("# smach", "smach"), imports("from smach_ros import X", "smach")
+    (False, True)
+    """
+    return re.search(rf"(?im)^[ \t]*+(?:from|import)\b.*{word}", text) is not None
 
 
 FLEXBE = Format(

@@ -13,7 +13,6 @@ What gpsfsm writes itself (``scxml_writing``) is read by ``scxml_regions``.
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Any, Final
 from xml.sax.saxutils import quoteattr
 
@@ -22,11 +21,12 @@ from gpsfsm.compile.formats.elements import Elements, place_of
 from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.formats.outcomes import is_failure
 from gpsfsm.compile.formats.scxml_regions import read_regions, runner_of
-from gpsfsm.compile.formats.scxml_writing import OWN_NAMESPACE, own_of, write_regions
+from gpsfsm.compile.formats.scxml_writing import NAMESPACE, OWN_NAMESPACE, own_of, write_regions
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.printable import clip
+from gpsfsm.syntax.text import root_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,9 +38,6 @@ if TYPE_CHECKING:
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.source import Limits
 
-_FIRST = re.compile(
-    r"\s*(?:<\?xml[^>]*\?>\s*|<!--.{0,2000}?-->\s*)*<(?:\w+:)?scxml(?=[\s/>])", re.S
-)
 _STATES = ("state", "parallel", "final")
 _REFUSED: Final = {
     "history": "what was active before decides where it goes on",
@@ -57,15 +54,15 @@ _LONGEST: Final = 200
 Signal = tuple[str, Event]
 
 
-def recognises(begin: str, file: str) -> bool:
-    """True for XML whose outermost element is scxml."""
+def recognises(text: str, file: str) -> bool:
+    """True for XML whose outermost element is scxml, in whatever namespace."""
     del file
-    return _FIRST.match(begin) is not None
+    return root_name(text).rpartition(":")[2] == "scxml"
 
 
 def read(text: str, file: str, limits: Limits) -> ReadMachine:
     """The machine of a statechart, or what is wrong with it."""
-    elements = Elements(text, limits)
+    elements = Elements(text, limits, NAMESPACE, OWN_NAMESPACE)
     if not elements.nodes:
         return None, tuple(elements.problems)
     if elements.nodes[0].text("gpsfsm:form") == "regions":
@@ -84,7 +81,7 @@ class _Reader:
         self.graph: nx.MultiDiGraph[Any] = networkx.MultiDiGraph()
         self.places: dict[Any, Any] = {}
         self.root = elements.nodes[0]
-        self.states = [each for each in elements.nodes if _tag(each) in _STATES]
+        self.states = [each for each in elements.nodes if each.tag in _STATES]
         self.ids: dict[str, TreeNode] = {}
         self.runner: dict[int, str] = {}  # by element: the node of an atomic state
         self.watchers: dict[int, list[str]] = {}  # by element: what watches while it is active
@@ -107,12 +104,12 @@ class _Reader:
 
     def _check(self) -> None:
         for node in self.elements.nodes[1:]:
-            tag = _tag(node)
+            tag = node.tag
             if tag in _REFUSED:
                 self.elements.fault(node, f"<{tag}> is not read: {_REFUSED[tag]}", "leave it out")
             elif tag not in (*_STATES, *_PASSED) and tag != "scxml":
                 parent = self.elements.nodes[node.parent]
-                if _tag(parent) in ("scxml", "state", "parallel"):
+                if parent.tag in ("scxml", "state", "parallel"):
                     message = f"<{clip(tag, _LONGEST)}> is not an SCXML element"
                     self.elements.fault(node, message, "remove it")
         for node in self.states:
@@ -120,26 +117,26 @@ class _Reader:
             if name and self.ids.setdefault(name, node) is not node:
                 self.elements.fault(node, f"there are two states {name!r}", "rename one of them")
         for node in self.elements.nodes:
-            attribute = "target" if _tag(node) == "transition" else "initial"
+            attribute = "target" if node.tag == "transition" else "initial"
             for name in node.text(attribute).split():
                 if name not in self.ids:
                     message = f"there is no state {clip(name, _LONGEST)!r}"
                     self.elements.fault(node, message, "correct the name, or add the state")
-        if not any(_tag(each) in _STATES for each in self.elements.children(self.root)):
+        if not any(each.tag in _STATES for each in self.elements.children(self.root)):
             self.elements.fault(self.root, "there is no state here", "add one")
 
     def _inside(self, node: TreeNode) -> list[TreeNode]:
         """The states in a state."""
-        return [each for each in self.elements.children(node) if _tag(each) in _STATES]
+        return [each for each in self.elements.children(node) if each.tag in _STATES]
 
     def _transitions(self, node: TreeNode) -> list[TreeNode]:
-        return [each for each in self.elements.children(node) if _tag(each) == "transition"]
+        return [each for each in self.elements.children(node) if each.tag == "transition"]
 
     def _parent(self, node: TreeNode) -> TreeNode:
         return self.elements.nodes[node.parent]
 
     def _name(self, node: TreeNode) -> str:
-        return node.text("id") or f"{_tag(node)}@{node.line}:{node.column}"
+        return node.text("id") or f"{node.tag}@{node.line}:{node.column}"
 
     # -- nodes ------------------------------------------------------------------------------
 
@@ -153,10 +150,10 @@ class _Reader:
 
     def _make(self, node: TreeNode) -> None:
         name, inside = self._name(node), self._inside(node)
-        if _tag(node) == "state" and not inside:
+        if node.tag == "state" and not inside:
             runner = runner_of(self.elements, node, name)
             self.runner[node.index] = self._node(name, node, **runner)
-        elif _tag(node) == "parallel":
+        elif node.tag == "parallel":
             need = max(1, len(inside))
             join = self.joins[node.index] = self._node(
                 f"{name}: done", node, kind="join", need=need
@@ -231,9 +228,9 @@ class _Reader:
             self._begin(node)
             if node.index in self.runner:
                 self._trigger(self.runner[node.index])
-            elif _tag(node) == "final":
+            elif node.tag == "final":
                 ended.append(node)
-            elif _tag(node) == "parallel":
+            elif node.tag == "parallel":
                 pending += reversed(self._inside(node))
             else:
                 pending += reversed(self._arrived(node, self._initial(node)))
@@ -272,14 +269,14 @@ class _Reader:
         inner = {*around, *(each.index for each in whole)}
         for _, each in sorted(around.items()):
             self._begin(each)
-            if _tag(each) == "parallel":
+            if each.tag == "parallel":
                 whole += (child for child in self._inside(each) if child.index not in inner)
         return sorted(whole, key=lambda each: each.index)
 
     def _initial(self, node: TreeNode) -> list[TreeNode]:
         names = node.text("initial").split()
         for each in self.elements.children(node):
-            if _tag(each) == "initial":
+            if each.tag == "initial":
                 names = [
                     name
                     for transition in self._transitions(each)
@@ -297,7 +294,7 @@ class _Reader:
             self._trigger("give_up" if is_failure(self._name(final)) else "complete")
             return None
         outer, done = self._parent(around), self._done(around)
-        if done is None and _tag(outer) == "parallel":
+        if done is None and outer.tag == "parallel":
             self._trigger(self.joins[outer.index])
         return done
 
@@ -371,9 +368,9 @@ class _Reader:
 
         It is the source itself for an internal transition to states within it.
         """
-        inner = transition.text("type") == "internal" and _tag(source) == "state"
+        inner = transition.text("type") == "internal" and source.tag == "state"
         for each in self._outwards(source if inner else self._parent(source)):
-            if _tag(each) != "parallel" and all(
+            if each.tag != "parallel" and all(
                 each.index in {other.index for other in self._outwards(self._parent(target))}
                 for target in targets
             ):
@@ -402,10 +399,6 @@ class _Reader:
             pending += self._inside(each)
 
 
-def _tag(node: TreeNode) -> str:
-    return node.tag.rpartition(":")[2]
-
-
 def _is_done(transition: TreeNode, name: str) -> bool:
     events = transition.text("event").split()
     return any(each in (f"done.state.{name}", "done.state", "done.state.*") for each in events)
@@ -425,7 +418,7 @@ def write(automaton: Automaton) -> str:
         return write_regions(automaton)
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:gpsfsm="{OWN_NAMESPACE}"',
+        f'<scxml xmlns="{NAMESPACE}" xmlns:gpsfsm="{OWN_NAMESPACE}"',
         f'    version="1.0" initial="{first}">',
     ]
     for each in states:

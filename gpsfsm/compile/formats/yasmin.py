@@ -6,7 +6,6 @@ are those of its transitions.
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
@@ -15,6 +14,7 @@ from gpsfsm.compile.formats.elements import Elements, place_of
 from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.formats.outcomes import State, machine_from
 from gpsfsm.compile.machines import written
+from gpsfsm.syntax.text import root_name
 
 if TYPE_CHECKING:
     from gpsfsm.compile.machines import ReadMachine
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.source import Limits
 
-_FIRST = re.compile(r"\s*(?:<\?xml[^>]*\?>\s*|<!--.{0,2000}?-->\s*)*<StateMachine(?=[\s/>])", re.S)
 _CONTAINERS = ("StateMachine", "Concurrence", "OrthogonalState", "Region")
 _PARALLEL = ("Concurrence", "OrthogonalState")
 _SKIPPED = (
@@ -31,10 +30,10 @@ _SKIPPED = (
 )
 
 
-def recognises(begin: str, file: str) -> bool:
+def recognises(text: str, file: str) -> bool:
     """True for XML whose outermost element is a StateMachine."""
     del file
-    return _FIRST.match(begin) is not None
+    return root_name(text).rpartition(":")[2] == "StateMachine"
 
 
 def read(text: str, file: str, limits: Limits) -> ReadMachine:

@@ -121,6 +121,7 @@ def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnsw
     from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT, IDLE_IGNORE, is_idle
     from gpsfsm.model.finding import Severity
     from gpsfsm.service.worker import sent_task, shown
+    from gpsfsm.syntax.source import read_source
     from gpsfsm.syntax.trees import is_trees
 
     if is_idle(request.options.ignore, request.fail_on):
@@ -135,7 +136,7 @@ def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnsw
         allow_approximated=request.allow_approximated,
     )
     verdict = gate_text(plan, request.name, options)
-    refused_tree = not request.trees and is_trees(plan.decode("utf-8", "replace"))
+    refused_tree = not request.trees and is_trees(read_source(plan, check.limits).text or "")
     return GateAnswer(
         verdict=verdict.decision.value,
         reason=verdict.reason.value,
