@@ -52,6 +52,7 @@ class Cause(StrEnum):
     NAMESPACE = "it belongs to another namespace"
     NO_MEANING = "it does not affect the runs"
     NOT_WRITTEN = "the file does not say it"
+    DATA = "data is not read"
 
 
 @dataclass(frozen=True, slots=True)

@@ -219,9 +219,7 @@ def parse_document(text: str, limits: Limits = DEFAULT_LIMITS) -> EngineDocument
         return Unreadable(wrong.name, line, wrong.offset, str(wrong))
 
 
-def read_elements(
-    text: str, limits: Limits
-) -> list[tuple[str, int, list[tuple[str, str]]]] | None:
+def read_elements(text: str, limits: Limits) -> list[tuple[str, int, list[tuple[str, str]]]] | None:
     """The elements of ``text`` as an engine reads them; None if it refuses the text.
 
     Of each element: the tag, the place of the element around it in this list, and the attributes.

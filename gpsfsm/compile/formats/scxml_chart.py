@@ -1,0 +1,352 @@
+"""The states and transitions of an SCXML document: what is wrong with them, which can be taken.
+
+An event enables the first transition in document order that names it, by whole tokens: ``nav``
+names ``nav`` and ``nav.failed``, ``*`` names all. So a transition after an unconditional one for
+the same events is dead, and so is what waits for events beside an unconditional eventless one.
+
+    <transition event="nav" target="b"/> <transition event="nav.failed" target="c"/>    c is dead
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import combinations
+from typing import TYPE_CHECKING, Final
+
+from gpsfsm.model.precision import Approximation, Cause, Reading
+from gpsfsm.model.printable import clip
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.compile.formats.elements import Elements
+    from gpsfsm.model.tree import TreeNode
+
+STATES: Final = ("state", "parallel", "final")
+_REFUSED: Final = {
+    "history": "what was active before decides where it goes on",
+    "script": "gpsfsm runs no scripts",
+    "send": "events that a machine sends are not followed",
+    "raise": "events that a machine raises are not followed",
+    "invoke": "what is invoked is another machine",
+    "if": "gpsfsm runs no scripts",
+    "foreach": "gpsfsm runs no scripts",
+    "cancel": "events that a machine sends are not followed",
+}
+_BLOCKS: Final = ("onentry", "onexit", "transition")
+_AROUND: Final = {
+    "state": ("scxml", "state", "parallel"),
+    "parallel": ("scxml", "state", "parallel"),
+    "final": ("scxml", "state"),
+    "initial": ("state",),
+    "transition": ("state", "parallel", "initial"),
+    "onentry": STATES,
+    "onexit": STATES,
+    "datamodel": ("scxml", "state", "parallel"),
+    "data": ("datamodel",),
+    "donedata": ("final",),
+    "log": _BLOCKS,
+    "assign": _BLOCKS,
+}
+"""The elements that are read, and where they may stand."""
+_UNREAD: Final = ("data", "donedata", "assign", "log")
+"""Elements whose content is not SCXML; of these nothing is read."""
+_ATTRIBUTES: Final = {
+    "scxml": ("initial", "name", "version", "datamodel", "binding", "exmode", "gpsfsm:form"),
+    "state": ("id", "initial", "gpsfsm:interface", "gpsfsm:provider", "gpsfsm:parameters"),
+    "parallel": ("id",),
+    "final": ("id",),
+    "transition": ("event", "cond", "target", "type"),
+}
+_INTERNAL: Final = (
+    ("done", "state"), ("done", "invoke"), ("error", "execution"), ("error", "communication"),
+    ("error", "platform"),
+)  # fmt: skip
+"""The events that only the machine itself raises, by their first tokens."""
+_ERROR: Final = ("error", "execution")
+_LONGER: Final = "\0"
+_MOST_RIVALS: Final = 500
+_LONGEST: Final = 200
+Tokens = tuple[str, ...]
+
+
+def tokens(descriptor: str) -> Tokens:
+    """The tokens that the name of an event has to begin with.
+
+    >>> tokens("nav.failed.*"), tokens("*")
+    (('nav', 'failed'), ())
+    """
+    return tuple(each for each in descriptor.split(".") if each not in ("", "*"))
+
+
+class Chart:
+    """The states and transitions of an SCXML document; what is wrong goes to ``elements``."""
+
+    def __init__(self, elements: Elements) -> None:
+        self.elements = elements
+        self.root = elements.nodes[0]
+        self.states = [each for each in elements.nodes if each.tag in STATES]
+        self.ids: dict[str, TreeNode] = {}
+        self.approximations = [
+            Approximation(Reading.SKIPPED, clip(name, _LONGEST), node.location, Cause.NAMESPACE)
+            for node, name in elements.skipped
+        ]
+        self._unread: set[int] = set()
+        for node in elements.nodes[1:]:
+            self._element(node)
+        for node in elements.nodes:
+            if node.index not in self._unread:
+                self._attributes(node)
+        for node in self.states:
+            name = node.text("id")
+            if name and self.ids.setdefault(name, node) is not node:
+                elements.fault(node, f"there are two states {name!r}", "rename one of them")
+        if not self.inside(self.root):
+            elements.fault(self.root, "there is no state here", "add one")
+        if not elements.problems:  # else there are names that mean nothing
+            for node in elements.nodes:
+                self._references(node)
+
+    # -- what is there ----------------------------------------------------------------------
+
+    def _element(self, node: TreeNode) -> None:
+        tag, parent = node.tag, self.parent(node)
+        if parent.index in self._unread or (parent.tag in _UNREAD and tag not in _REFUSED):
+            self._unread.add(node.index)
+        elif tag in _REFUSED:
+            self.elements.fault(node, f"<{tag}> is not read: {_REFUSED[tag]}", "leave it out")
+        elif tag not in _AROUND:
+            message = f"<{clip(tag, _LONGEST)}> is not an SCXML element"
+            self.elements.fault(node, message, "remove it")
+        elif parent.tag not in _AROUND[tag]:
+            if parent.tag not in _REFUSED:
+                message = f"a <{clip(parent.tag, _LONGEST)}> cannot contain a <{tag}>"
+                self.elements.fault(node, message, "move or remove it")
+        elif tag in _UNREAD:
+            self._skip(tag, node, Cause.DATA if tag != "log" else Cause.NO_MEANING)
+
+    def _skip(self, construct: str, node: TreeNode, cause: Cause = Cause.NO_MEANING) -> None:
+        self.approximations.append(
+            Approximation(Reading.SKIPPED, clip(construct, _LONGEST), node.location, cause)
+        )
+
+    def _attributes(self, node: TreeNode) -> None:
+        for each in node.attributes:
+            if node.tag in _ATTRIBUTES and each.name not in _ATTRIBUTES[node.tag]:
+                self._skip(f"attribute {each.name}", node)
+        fault = self.elements.fault
+        if node.tag == "transition":
+            for name in ("event", "cond", "target"):
+                if node.attribute(name) is not None and not node.text(name).strip():
+                    fault(node, f"the {name} of this transition is empty", "write it, or remove it")
+            if node.text("type") not in ("", "internal", "external"):
+                message = f"a transition has no type {clip(node.text('type'), _LONGEST)!r}"
+                fault(node, message, 'write type="internal" or type="external"')
+            if self.parent(node).tag == "initial" and (node.text("event") or node.text("cond")):
+                fault(node, "the transition of <initial> has an event or a cond", "remove it")
+        if node.tag == "initial" and len(self.elements.children(node)) != 1:
+            fault(node, "<initial> does not have exactly one transition", "write one")
+        if self.parent(node).tag == "initial" and not node.text("target"):
+            fault(node, "the transition of <initial> has no target", "add one")
+        if node.tag == "state" and node.attribute("initial") is not None:
+            for each in self.elements.children(node):
+                if each.tag == "initial":
+                    fault(each, "this state has an initial attribute as well", "remove one")
+
+    def _references(self, node: TreeNode) -> None:
+        name = "target" if node.tag == "transition" else "initial"
+        around = self.root
+        if node.tag == "state" or self.parent(node).tag == "initial":
+            around = node if node.tag == "state" else self.parent(self.parent(node))
+        targets: list[TreeNode] = []
+        for each in node.text(name).split() if node.tag in _ATTRIBUTES else ():
+            message = ""
+            if each not in self.ids:
+                message = f"there is no state {clip(each, _LONGEST)!r}"
+            elif around is not self.root and not self.contains(around, self.ids[each]):
+                message = f"the initial state {clip(each, _LONGEST)!r} is not in this state"
+            else:
+                targets.append(self.ids[each])
+            if message:
+                self.elements.fault(node, message, "correct the name, or add the state")
+        if any(not self.is_beside(*pair) for pair in combinations(targets[:_MOST_RIVALS], 2)):
+            message = f"the targets {clip(node.text(name), _LONGEST)!r} are never active together"
+            self.elements.fault(node, message, "name one state in each region of a <parallel>")
+
+    # -- structure --------------------------------------------------------------------------
+
+    def inside(self, node: TreeNode) -> list[TreeNode]:
+        """The states in a state."""
+        return [each for each in self.elements.children(node) if each.tag in STATES]
+
+    def transitions(self, node: TreeNode) -> list[TreeNode]:
+        """The transitions of a state or of an initial element, in document order."""
+        return [each for each in self.elements.children(node) if each.tag == "transition"]
+
+    def parent(self, node: TreeNode) -> TreeNode:
+        """The element around an element."""
+        return self.elements.nodes[node.parent]
+
+    def name(self, node: TreeNode) -> str:
+        """The id of a state, or where it stands."""
+        return node.text("id") or f"{node.tag}@{node.line}:{node.column}"
+
+    def outwards(self, node: TreeNode) -> Iterator[TreeNode]:
+        """A state and those around it, the root last."""
+        while node.index != self.root.index:
+            yield node
+            node = self.parent(node)
+        yield self.root
+
+    def contains(self, outer: TreeNode, inner: TreeNode) -> bool:
+        """True for a state in a state."""
+        return any(each is outer for each in self.outwards(self.parent(inner)))
+
+    def is_beside(self, one: TreeNode, other: TreeNode) -> bool:
+        """True for states in different regions of a parallel."""
+        around = {each.index for each in self.outwards(one)}
+        common = next(each for each in self.outwards(other) if each.index in around)
+        return common.tag == "parallel" and common not in (one, other)
+
+    def in_parallel(self, node: TreeNode) -> bool:
+        """True for what lies in a region."""
+        return any(each.tag == "parallel" for each in self.outwards(self.parent(node)))
+
+    # -- transitions ------------------------------------------------------------------------
+
+    def live(self, node: TreeNode) -> list[TreeNode]:
+        """The transitions of a state that are not dead."""
+        rows: list[TreeNode] = []
+        taken: set[Tokens] = set()
+        for each in self.transitions(node):
+            events = [tokens(text) for text in each.text("event").split()]
+            if events and all(_begins(names, taken) for names in events):
+                continue
+            rows.append(each)
+            if not each.text("cond"):
+                if not events:
+                    return [row for row in rows if not row.text("event")]
+                taken.update(events)
+        return rows
+
+    def done(self, node: TreeNode) -> list[TreeNode]:
+        """Those that may be taken when the state is done."""
+        rows: list[TreeNode] = []
+        for each in self.live(node):
+            if names(each, ("done", "state", *tokens(self.name(node)))):
+                rows.append(each)
+                if not each.text("cond"):
+                    break
+        return rows
+
+    def external(self, row: TreeNode) -> list[Tokens]:
+        """The names by which the environment can take a transition."""
+        rows = [tokens(text) for text in row.text("event").split()]
+        return [each for each in rows if each[:2] not in _INTERNAL]
+
+    def is_private(self, node: TreeNode, row: TreeNode) -> bool:
+        """True if an event takes this transition and no other one that can be active besides."""
+        return any(
+            not any(
+                self._rivals(node, row, each)
+                for length in range(len(name) + 1)
+                for each in self._by_name.get(name[:length], ())
+            )
+            for event in self.external(row)
+            for name in (event, (*event, _LONGER))
+            if name
+            and sum(len(self._by_name.get(name[:n], ())) for n in range(len(name) + 1))
+            < _MOST_RIVALS
+        )
+
+    def _rivals(self, node: TreeNode, row: TreeNode, other: TreeNode) -> bool:
+        """True if the other transition, which has the same event, could be taken with or before."""
+        source = self.parent(other)
+        if source is node:
+            return other.index < row.index
+        if self.contains(source, node):
+            return any(
+                each.tag == "parallel" and (each is source or self.contains(source, each))
+                for each in self.outwards(self.parent(node))
+            )
+        return self.contains(node, source) or self.is_beside(node, source)
+
+    @cached_property
+    def _by_name(self) -> dict[Tokens, list[TreeNode]]:
+        rows: dict[Tokens, list[TreeNode]] = {}
+        for node in self.states:
+            for each in self.transitions(node):
+                for text in each.text("event").split():
+                    rows.setdefault(tokens(text), []).append(each)
+        return rows
+
+    @cached_property
+    def _hasty(self) -> list[TreeNode]:
+        """The states with transitions that may be taken before one by a ``done.state`` event."""
+        errs = any(
+            each.tag in _UNREAD or each.attribute("cond") is not None
+            for each in self.elements.nodes
+        )
+        return [
+            node
+            for node in self.states
+            if any(
+                not each.text("event") or (errs and names(each, _ERROR)) for each in self.live(node)
+            )
+        ]
+
+    @cached_property
+    def _with_done(self) -> list[TreeNode]:
+        return [
+            node
+            for node in self.states
+            if self.inside(node) and self.in_parallel(node) and self.done(node)
+        ]
+
+    def is_uncertain(self, node: TreeNode) -> bool:
+        """True if the ``done.state`` of a state may come late, or be lost, or come again.
+
+        What is eventless comes before it; of two at one time the first may leave the other's
+        state, which may be active again when its turn comes.
+        """
+        event = ("done", "state", *tokens(self.name(node)))
+        rivals = [
+            self.parent(row)
+            for length in range(len(event) + 1)
+            for row in self._by_name.get(event[:length], ())
+        ]
+        return (
+            any(each is node or self.contains(each, node) for each in self._hasty)
+            or any(self.is_beside(each, node) for each in (*self._hasty, *rivals))
+            or any(
+                self._leaves(each, row, node)
+                for each in self._with_done
+                if self.is_beside(each, node) or self.contains(node, each)
+                for row in self.done(each)
+            )
+        )
+
+    def _leaves(self, source: TreeNode, row: TreeNode, other: TreeNode) -> bool:
+        """True if a transition leaves the other state too."""
+        targets = [self.ids[name] for name in row.text("target").split()]
+        return bool(targets) and self.contains(self.domain(source, row, targets), other)
+
+    def domain(self, source: TreeNode, row: TreeNode, targets: list[TreeNode]) -> TreeNode:
+        """The innermost state around source and targets, which stays active (W3C, 3.13).
+
+        It is the source itself for an internal transition to states within it.
+        """
+        inner = row.text("type") == "internal" and source.tag == "state"
+        for each in self.outwards(source if inner else self.parent(source)):
+            if each.tag != "parallel" and all(self.contains(each, target) for target in targets):
+                return each
+        return self.root
+
+
+def names(row: TreeNode, event: Tokens) -> bool:
+    """True for a transition that names an event."""
+    return _begins(event, {tokens(text) for text in row.text("event").split()})
+
+
+def _begins(name: Tokens, taken: set[Tokens]) -> bool:
+    return any(name[:length] in taken for length in range(len(name) + 1))
