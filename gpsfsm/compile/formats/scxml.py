@@ -93,9 +93,11 @@ class _Reader:
         self.added: dict[int, list[str]] = {}  # by element: nodes that are stopped with it
         self.joins: dict[int, str] = {}
         self.done: dict[int, str] = {}  # by element: what stands between its end and what follows
+        self.told: dict[int, str] = {}  # by element: what its end marks
         self.uncertain: set[int] = set()  # elements whose done.state is watched for like an event
         self.effects: dict[str, set[str]] = {}  # of one event: triggered, stopped, by node
         self.left: set[int] = set()  # the states that the last transition has left
+        self.taken: list[tuple[list[Signal], TreeNode, TreeNode]] = []
         for name in ("begin", "complete", "give_up"):
             self._node(name, self.root, kind="start" if name == "begin" else name)
         for each in chart.states:
@@ -103,9 +105,11 @@ class _Reader:
                 self.uncertain.add(each.index)
         for each in chart.states:
             self._make(each)
-        self._go([("begin", Event.SUCCEEDED)], [self.root])
         for each in chart.states:
             self._leave(each)
+        self._go([("begin", Event.SUCCEEDED)], [self.root])
+        for signals, source, row in self.taken:  # now that all nodes are there
+            self._take(signals, source, row)
 
     # -- nodes ------------------------------------------------------------------------------
 
@@ -121,7 +125,7 @@ class _Reader:
         mark(self.graph, name, Approximation(Reading.OVER, construct, place.location, cause))
 
     def _make(self, node: TreeNode) -> None:
-        chart, name, inside = self.chart, self.chart.name(node), self.chart.inside(node)
+        name, inside = self.chart.name(node), self.chart.inside(node)
         if node.tag == "state" and not inside:
             runner = runner_of(self.elements, node, name)
             self.runner[node.index] = self._node(name, node, **runner)
@@ -133,6 +137,7 @@ class _Reader:
             self.watchers[node.index] = []
             for each in self._watched(node):
                 self._watch(node, each)
+            self._make_told(node)
             rows = self._done_rows(node)
             if rows and (node.tag == "parallel" or rows[0].text("cond")):
                 self._make_done(node)
@@ -203,6 +208,14 @@ class _Reader:
         self.added.setdefault(node.index, []).append(later)
         self._connect([(later, Event.SUCCEEDED)], now)
         return later
+
+    def _make_told(self, node: TreeNode) -> None:
+        """A node without consequences: entering it says that no run from here on is exact."""
+        handled = self._done_rows(node) and not self._done_rows(node)[-1].text("cond")
+        if node.index in self.uncertain or (not handled and self.chart.is_told_of(node)):
+            join = self._node(f"{self.chart.name(node)}: told", node, kind="join", need=1)
+            self._over(join, node, "done.state", Cause.EVENTS)
+            self.told[node.index] = join
 
     def _make_done(self, node: TreeNode) -> None:
         """The moment between the end of all regions and what follows.
@@ -327,6 +340,9 @@ class _Reader:
             return None
         if self._outer_join(around):
             self._trigger(self._outer_join(around))
+        for each in self.chart.outwards(around):
+            if each.index in self.told and (each is around or each.tag == "parallel"):
+                self._trigger(self.told[each.index])
         if around.index in self.done:
             self._trigger(self.done[around.index])
             return None
@@ -348,7 +364,9 @@ class _Reader:
                 signal = (choice, Event.SUCCEEDED)
             elif row.text("event") and not self.chart.is_private(node, row):
                 signal = self._step(node, row, [signal])
-            self._take([signal], node, row)
+            self.taken.append(([signal], node, row))
+            if self.chart.domain_of(node, row) is node:
+                self._connect([signal], watcher)  # it stays active, and so does its watcher
         if node.index in self.done:
             signals = [(self.done[node.index], Event.SUCCEEDED)]
             for row in self._done_rows(node):
@@ -356,7 +374,7 @@ class _Reader:
                 if row.text("cond"):
                     choice = self._cond(node, row, signals)
                     taken, signals = [(choice, Event.SUCCEEDED)], [(choice, Event.FAILED)]
-                self._take(taken, node, row)
+                self.taken.append((taken, node, row))
 
     def _cond(self, node: TreeNode, row: TreeNode, signals: list[Signal]) -> str:
         """A choice among what a condition says."""
@@ -407,12 +425,12 @@ class _Reader:
                 exact = exact and each in firm
             elif exact and each not in firm and each.text("event"):
                 taken = [self._step(node, each, signals)]
-            self._take(taken, node, each)
+            self.taken.append((taken, node, each))
         if order[-1] in sure:
             return
         runner = self.runner[node.index]
         if sure:
-            self._take(signals, node, sure[-1])
+            self.taken.append((signals, node, sure[-1]))
         elif any(not each.text("event") or self.chart.external(each) for each in rows):
             self._connect(signals, runner)  # it stays, and waits for the next event
         else:
@@ -447,8 +465,8 @@ class _Reader:
 
     def _moved(self, source: TreeNode, row: TreeNode) -> list[TreeNode]:
         """The states that a transition enters; those that it leaves are stopped."""
-        targets = [self.chart.ids[name] for name in row.text("target").split()]
-        domain, left = self.chart.domain(source, row, targets), [source]
+        targets = self.chart.targets(row)
+        domain, left = self.chart.domain_of(source, row), [source]
         if domain.index == source.index:
             left = self.chart.inside(source)
         while self.chart.parent(left[0]).index != domain.index:

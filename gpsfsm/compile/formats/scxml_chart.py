@@ -131,9 +131,9 @@ class Chart:
         )
 
     def _attributes(self, node: TreeNode) -> None:
-        for each in node.attributes:
-            if node.tag in _ATTRIBUTES and each.name not in _ATTRIBUTES[node.tag]:
-                self._skip(f"attribute {each.name}", node)
+        for attribute in node.attributes:
+            if node.tag not in _UNREAD and attribute.name not in _ATTRIBUTES.get(node.tag, ()):
+                self._skip(f"attribute {attribute.name}", node)
         fault = self.elements.fault
         if node.tag == "transition":
             for name in ("event", "cond", "target"):
@@ -309,33 +309,55 @@ class Chart:
         What is eventless comes before it; of two at one time the first may leave the other's
         state, which may be active again when its turn comes.
         """
-        event = ("done", "state", *tokens(self.name(node)))
-        rivals = [
-            self.parent(row)
-            for length in range(len(event) + 1)
-            for row in self._by_name.get(event[:length], ())
-        ]
         return (
-            any(each is node or self.contains(each, node) for each in self._hasty)
-            or any(self.is_beside(each, node) for each in (*self._hasty, *rivals))
+            self._is_rushed(node)
+            or any(self.is_beside(each, node) for each in self._others_told(node))
             or any(
                 self._leaves(each, row, node)
                 for each in self._with_done
-                if self.is_beside(each, node) or self.contains(node, each)
+                if self.is_beside(each, node)
+                or (node.tag == "parallel" and self.contains(node, each))
                 for row in self.done(each)
             )
         )
 
+    def is_told_of(self, node: TreeNode) -> bool:
+        """True if other states may have transitions for the ``done.state`` of a state."""
+        others = self._others_told(node)
+        return any(self.contains(each, node) or self.is_beside(each, node) for each in others) or (
+            bool(others) and self._is_rushed(node)
+        )
+
+    def _others_told(self, node: TreeNode) -> list[TreeNode]:
+        event = ("done", "state", *tokens(self.name(node)))
+        rows = (
+            self.parent(row)
+            for length in range(len(event) + 1)
+            for row in self._by_name.get(event[:length], ())
+        )
+        return [each for each in rows if each is not node]
+
+    def _is_rushed(self, node: TreeNode) -> bool:
+        """True if something may come before a ``done.state`` that has happened."""
+        return any(
+            each is node or self.contains(each, node) or self.is_beside(each, node)
+            for each in self._hasty
+        )
+
     def _leaves(self, source: TreeNode, row: TreeNode, other: TreeNode) -> bool:
         """True if a transition leaves the other state too."""
-        targets = [self.ids[name] for name in row.text("target").split()]
-        return bool(targets) and self.contains(self.domain(source, row, targets), other)
+        return bool(row.text("target")) and self.contains(self.domain_of(source, row), other)
 
-    def domain(self, source: TreeNode, row: TreeNode, targets: list[TreeNode]) -> TreeNode:
+    def targets(self, row: TreeNode) -> list[TreeNode]:
+        """The targets of a transition."""
+        return [self.ids[name] for name in row.text("target").split()]
+
+    def domain_of(self, source: TreeNode, row: TreeNode) -> TreeNode:
         """The innermost state around source and targets, which stays active (W3C, 3.13).
 
         It is the source itself for an internal transition to states within it.
         """
+        targets = self.targets(row)
         inner = row.text("type") == "internal" and source.tag == "state"
         for each in self.outwards(source if inner else self.parent(source)):
             if each.tag != "parallel" and all(self.contains(each, target) for target in targets):

@@ -8,7 +8,7 @@ longer name, and an event that nobody names.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
+import xml.etree.ElementTree as ET  # what is read here was written by tests
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -65,7 +65,8 @@ class Verdict:
     stuck: bool = False
     endless: bool = False
     waits: bool = False  # for a transition of a state around others, and for nothing else
-    acting: set[str] = field(default_factory=set)  # atomic states in stable configurations
+    acting: set[frozenset[str]] = field(default_factory=set)  # atomic states, in stable moments
+    passing: set[frozenset[str]] = field(default_factory=set)  # in others too
 
 
 class Chart:
@@ -78,7 +79,7 @@ class Chart:
         self.children: list[list[int]] = []
         self.transitions: list[list[Transition]] = []
         self._elements: list[ET.Element] = []
-        self._add(ET.fromstring(text), -1)
+        self._add(ET.fromstring(text), -1)  # noqa: S314
         self.numbers = {name: number for number, name in enumerate(self.names) if name}
         count = 0
         for number, element in enumerate(self._elements):
@@ -94,6 +95,7 @@ class Chart:
                     )
                 )
                 count += 1
+        self._passed: set[Configuration] = set()
         self.initial = [self._initial(number) for number in range(len(self.tags))]
 
     def _add(self, element: ET.Element, parent: int) -> None:
@@ -282,6 +284,7 @@ class Chart:
                     pending.append(after)
             if len(seen) > MOST:
                 raise TooManyError
+        self._passed |= {at for at, _ in seen}
         if not nx.is_directed_acyclic_graph(graph):
             raise EndlessStepError
         return stable
@@ -331,17 +334,13 @@ class Chart:
         while pending:
             at = pending.pop()
             end = self.end(at)
-            verdict.acting |= {
-                self.names[each]
-                for each in at
-                if self.is_atomic(each) and self.tags[each] != "final"
-            }
             if end is not None:
                 failed = is_failure(self.names[end])
                 verdict.gives_up, verdict.completes = (
                     verdict.gives_up or failed, verdict.completes or not failed
                 )  # fmt: skip
                 continue
+            verdict.acting.add(self.acting(at))
             sources = self._step(at, events, graph)
             verdict.stuck = verdict.stuck or not sources
             verdict.waits = verdict.waits or (
@@ -356,7 +355,14 @@ class Chart:
         verdict.endless = any(
             self._goes_on(graph, part) for part in nx.strongly_connected_components(graph)
         )
+        verdict.passing = {self.acting(at) for at in self._passed}
         return verdict
+
+    def acting(self, at: Configuration) -> frozenset[str]:
+        """The atomic states of a configuration."""
+        return frozenset(
+            self.names[each] for each in at if self.is_atomic(each) and self.tags[each] != "final"
+        )
 
     def _step(
         self, at: Configuration, events: list[str], graph: nx.MultiDiGraph[Configuration]
