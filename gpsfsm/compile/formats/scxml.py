@@ -67,7 +67,7 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
     if not elements.nodes:
         return None, tuple(elements.problems)
     if elements.nodes[0].text("gpsfsm:form") == "regions":
-        return read_regions(elements, file)
+        return read_regions(elements, file, limits)
     chart = Chart(elements)
     if elements.problems:
         return None, tuple(elements.problems)

@@ -35,7 +35,9 @@ def disagreements(text: str) -> list[str] | str:
     if machine is None:
         return f"refused: {problems[0].message.partition(' ')[0]}"
     both = frozenset((Event.SUCCEEDED, Event.FAILED))
-    allowed = [both - ({Event.FAILED} if each.interface == TICK else set()) for each in machine.runners]
+    allowed = [
+        both - ({Event.FAILED} if each.interface == TICK else set()) for each in machine.runners
+    ]
     try:
         exploration = Exploration(machine.automaton, allowed, limit=MOST)
         judge = Judge(exploration, machine.inexact)
@@ -84,14 +86,21 @@ def moments(
     passive = {
         each.interface
         for number, each in enumerate(machine.runners)
-        if not any(source == machine.automaton.runner_node(number) for source, *_ in machine.automaton.edges)
+        if not any(
+            source == machine.automaton.runner_node(number)
+            for source, *_ in machine.automaton.edges
+        )
     }
 
     def seen(exploration: Exploration) -> set[frozenset[str]]:
         rows = set()
         for at in exploration.configurations[: exploration.reached]:
-            active = [each for number, each in enumerate(machine.runners) if at.active >> number & 1]
-            pending = any(each.interface in OWN and name_of(each) not in watching for each in active)
+            active = [
+                each for number, each in enumerate(machine.runners) if at.active >> number & 1
+            ]
+            pending = any(
+                each.interface in OWN and name_of(each) not in watching for each in active
+            )
             if not pending and not at.ended:
                 rows.add(frozenset(each.interface for each in active if each.interface not in OWN))
         return rows
@@ -101,5 +110,8 @@ def moments(
 
     wrong = [f"missing: {sorted(each)}" for each in without(verdict.acting) - without(seen(whole))]
     if part is not None:
-        wrong += [f"unreal: {sorted(each)}" for each in without(seen(part)) - without(verdict.acting | verdict.passing)]
+        wrong += [
+            f"unreal: {sorted(each)}"
+            for each in without(seen(part)) - without(verdict.acting | verdict.passing)
+        ]
     return wrong
