@@ -53,6 +53,7 @@ class Cause(StrEnum):
     NO_MEANING = "it does not affect the runs"
     NOT_WRITTEN = "the file does not say it"
     DATA = "data is not read"
+    EARLIER = "an earlier transition is always taken instead"
 
 
 @dataclass(frozen=True, slots=True)

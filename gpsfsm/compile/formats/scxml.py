@@ -183,7 +183,7 @@ class _Reader:
         return [
             each
             for each in self.chart.live(node)
-            if each.text("target")
+            if (each.text("target") or each.text("cond") or self.chart.external(each))
             and (node.index in self.uncertain or each not in done or self.chart.external(each))
         ]
 
@@ -207,6 +207,7 @@ class _Reader:
         self._over(later, row, "done.state", Cause.EVENTS)
         self.added.setdefault(node.index, []).append(later)
         self._connect([(later, Event.SUCCEEDED)], now)
+        self._connect([(later, Event.FAILED)], now, "stop")  # it does not come any more
         return later
 
     def _make_told(self, node: TreeNode) -> None:
@@ -365,7 +366,7 @@ class _Reader:
             elif row.text("event") and not self.chart.is_private(node, row):
                 signal = self._step(node, row, [signal])
             self.taken.append(([signal], node, row))
-            if self.chart.domain_of(node, row) is node:
+            if not row.text("target") or self.chart.domain_of(node, row) is node:
                 self._connect([signal], watcher)  # it stays active, and so does its watcher
         if node.index in self.done:
             signals = [(self.done[node.index], Event.SUCCEEDED)]
@@ -400,10 +401,11 @@ class _Reader:
         failures = [each for each in rows if is_failure(each.text("event"))]
         others = [each for each in rows if each not in failures]
         both: list[Signal] = [(runner, Event.SUCCEEDED), (runner, Event.FAILED)]
-        if len(rows) == 1:
+        mixed = failures and others
+        if rows and not mixed and (len(rows) == 1 or not self._is_sure(rows[0])):
             self._among(both, node, rows)
         elif rows:
-            if not failures or not others:
+            if not mixed:
                 others, failures = rows[:1], rows[1:]
             self._among(both[:1], node, others)
             self._among(both[1:], node, failures)

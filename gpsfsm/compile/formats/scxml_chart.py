@@ -84,6 +84,7 @@ class Chart:
 
     def __init__(self, elements: Elements) -> None:
         self.elements = elements
+        self._fault = elements.fault
         self.root = elements.nodes[0]
         self.states = [each for each in elements.nodes if each.tag in STATES]
         self.ids: dict[str, TreeNode] = {}
@@ -100,12 +101,17 @@ class Chart:
         for node in self.states:
             name = node.text("id")
             if name and self.ids.setdefault(name, node) is not node:
-                elements.fault(node, f"there are two states {name!r}", "rename one of them")
+                self._fault(node, f"there are two states {name!r}", "rename one of them")
         if not self.inside(self.root):
-            elements.fault(self.root, "there is no state here", "add one")
+            self._fault(self.root, "there is no state here", "add one")
         if not elements.problems:  # else there are names that mean nothing
             for node in elements.nodes:
                 self._references(node)
+        for node in self.states:
+            live = self.live(node)
+            for each in self.transitions(node):
+                if each not in live:
+                    self._skip("transition", each, Cause.EARLIER)
 
     # -- what is there ----------------------------------------------------------------------
 
@@ -114,14 +120,14 @@ class Chart:
         if parent.index in self._unread or (parent.tag in _UNREAD and tag not in _REFUSED):
             self._unread.add(node.index)
         elif tag in _REFUSED:
-            self.elements.fault(node, f"<{tag}> is not read: {_REFUSED[tag]}", "leave it out")
+            self._fault(node, f"<{tag}> is not read: {_REFUSED[tag]}", "leave it out")
         elif tag not in _AROUND:
             message = f"<{clip(tag, _LONGEST)}> is not an SCXML element"
-            self.elements.fault(node, message, "remove it")
+            self._fault(node, message, "remove it")
         elif parent.tag not in _AROUND[tag]:
             if parent.tag not in _REFUSED:
                 message = f"a <{clip(parent.tag, _LONGEST)}> cannot contain a <{tag}>"
-                self.elements.fault(node, message, "move or remove it")
+                self._fault(node, message, "move or remove it")
         elif tag in _UNREAD:
             self._skip(tag, node, Cause.DATA if tag != "log" else Cause.NO_MEANING)
 
@@ -134,24 +140,28 @@ class Chart:
         for attribute in node.attributes:
             if node.tag not in _UNREAD and attribute.name not in _ATTRIBUTES.get(node.tag, ()):
                 self._skip(f"attribute {attribute.name}", node)
-        fault = self.elements.fault
         if node.tag == "transition":
-            for name in ("event", "cond", "target"):
-                if node.attribute(name) is not None and not node.text(name).strip():
-                    fault(node, f"the {name} of this transition is empty", "write it, or remove it")
-            if node.text("type") not in ("", "internal", "external"):
-                message = f"a transition has no type {clip(node.text('type'), _LONGEST)!r}"
-                fault(node, message, 'write type="internal" or type="external"')
-            if self.parent(node).tag == "initial" and (node.text("event") or node.text("cond")):
-                fault(node, "the transition of <initial> has an event or a cond", "remove it")
-        if node.tag == "initial" and len(self.elements.children(node)) != 1:
-            fault(node, "<initial> does not have exactly one transition", "write one")
-        if self.parent(node).tag == "initial" and not node.text("target"):
-            fault(node, "the transition of <initial> has no target", "add one")
-        if node.tag == "state" and node.attribute("initial") is not None:
-            for each in self.elements.children(node):
-                if each.tag == "initial":
-                    fault(each, "this state has an initial attribute as well", "remove one")
+            self._transition(node)
+        if node.tag == "initial":
+            if len(self.elements.children(node)) != 1:
+                self._fault(node, "<initial> does not have exactly one transition", "write one")
+            if self.parent(node).attribute("initial") is not None:
+                self._fault(node, "this state has an initial attribute as well", "remove one")
+
+    def _transition(self, node: TreeNode) -> None:
+        first = self.parent(node).tag == "initial"
+        for name in ("event", "cond", "target"):
+            if node.attribute(name) is not None and not node.text(name).strip():
+                self._fault(node, f"the {name} of this transition is empty", "write or remove it")
+        if node.text("type") not in ("", "internal", "external"):
+            message = f"a transition has no type {clip(node.text('type'), _LONGEST)!r}"
+            self._fault(node, message, 'write type="internal" or type="external"')
+        if not any(node.text(name) for name in ("event", "cond", "target")):
+            message = "this transition has neither event, cond nor target"
+            self._fault(node, message, "add one of them: it would be taken without end")
+        elif first and (node.text("event") or node.text("cond") or not node.text("target")):
+            message = "the transition of <initial> needs a target, and neither event nor cond"
+            self._fault(node, message, "write its target alone")
 
     def _references(self, node: TreeNode) -> None:
         name = "target" if node.tag == "transition" else "initial"
@@ -168,10 +178,10 @@ class Chart:
             else:
                 targets.append(self.ids[each])
             if message:
-                self.elements.fault(node, message, "correct the name, or add the state")
+                self._fault(node, message, "correct the name, or add the state")
         if any(not self.is_beside(*pair) for pair in combinations(targets[:_MOST_RIVALS], 2)):
             message = f"the targets {clip(node.text(name), _LONGEST)!r} are never active together"
-            self.elements.fault(node, message, "name one state in each region of a <parallel>")
+            self._fault(node, message, "name one state in each region of a <parallel>")
 
     # -- structure --------------------------------------------------------------------------
 

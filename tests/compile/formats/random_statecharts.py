@@ -98,9 +98,9 @@ class OddChart:
             other = self.chance.choice(self.states)
             here, there = [*self.around[target], target], [*self.around[other], other]
             same = [one for one, two in zip(here, there, strict=False) if one == two]
-            if same and self.tags[same[-1]] == "parallel" and target != other:
-                if len(same) < min(len(here), len(there)):
-                    return f"{target} {other}"
+            regions = same and self.tags[same[-1]] == "parallel" and target != other
+            if regions and len(same) < min(len(here), len(there)):
+                return f"{target} {other}"
         return target
 
     def shown(self, name: str) -> str:

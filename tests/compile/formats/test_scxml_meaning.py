@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
+import random
+import re
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 import gpsfsm
 from gpsfsm.analysis.machines.decide import Judge
-from gpsfsm.analysis.machines.exact import ExactPart
 from gpsfsm.analysis.machines.search import Exploration
 from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.compile.formats.elements import Elements
 from gpsfsm.compile.formats.scxml import _Reader, read
 from gpsfsm.compile.formats.scxml_chart import Chart as ReadChart
 from gpsfsm.compile.formats.scxml_writing import NAMESPACE, OWN_NAMESPACE
-from gpsfsm.compile.units import MachinePlan
 from gpsfsm.model.capability import OWN, TICK
 from gpsfsm.model.event import Event
-from gpsfsm.model.plan import Element
 from gpsfsm.model.report import Frequency
 from gpsfsm.syntax.source import DEFAULT_LIMITS
-from tests.cases import batches
+from tests.cases import batches, many
 from tests.compile.formats.random_statecharts import OddChart
 from tests.compile.formats.statecharts import Chart, EndlessStepError, TooManyError, Verdict
 
-MOST = 20_000
+if TYPE_CHECKING:
+    from gpsfsm.compile.units import MachinePlan
+    from gpsfsm.model.plan import Element
+
+MOST = 3_000
+CHARTS = Path(__file__).parent / "charts"
 
 
 def disagreements(text: str) -> list[str] | str:
@@ -56,9 +61,9 @@ def disagreements(text: str) -> list[str] | str:
     for name, (frequency, can, claim) in rows.items():
         if frequency is Frequency.NEVER and can:
             wrong.append(f"never {name}")
-        if frequency is not Frequency.NEVER and claim not in may and not can:
-            if name != "endless" or not verdict.waits:
-                wrong.append(f"{name}, proved")
+        shown = can or (name == "endless" and verdict.waits)
+        if frequency is not Frequency.NEVER and claim not in may and not shown:
+            wrong.append(f"{name}, proved")
         if frequency is Frequency.ALWAYS and any(
             other for word, (_, other, _) in rows.items() if word != name
         ):
@@ -115,3 +120,118 @@ def moments(
             for each in without(seen(part)) - without(verdict.acting | verdict.passing)
         ]
     return wrong
+
+
+@pytest.mark.parametrize("batch", batches(6))
+def test_no_word_about_a_random_chart_is_false(batch: int) -> None:
+    reasons: Counter[str] = Counter()
+    for seed in range(25 * batch, 25 * batch + 25):
+        wrong = disagreements(OddChart(seed, 5).text)
+        if isinstance(wrong, str):
+            reasons[wrong] += 1
+        else:
+            assert not wrong, f"seed {seed}: {wrong}"
+    assert reasons.total() < 10, reasons
+
+
+N, S, A = Frequency.NEVER, Frequency.SOMETIMES, Frequency.ALWAYS
+REFUSED = {
+    "scxml_final_with_transition": (2, "a <final> cannot contain a <transition>"),
+    "scxml_history_target": (2, "<history> is not read: what was active before decides"),
+    "scxml_events_multi": (1, "the targets 'B C' are never active together"),
+    "scxml_events_onentry": (1, "<raise> is not read: events that a machine raises"),
+}
+READ = {
+    # completes, gives up, stuck, endless; unreachable; facts that are not proved
+    "scxml_bom": (A, N, N, N, "", ""),
+    "scxml_document_order": (A, N, N, N, "trap", ""),
+    "scxml_done_cond": (S, S, N, N, "", "completes gives_up"),
+    "scxml_eventless_before_done": (A, N, N, N, "", ""),
+    "scxml_eventless_on_atomic": (A, N, N, N, "Bad", ""),
+    "scxml_eventless_on_compound": (A, N, N, N, "", ""),
+    "scxml_foreign_namespace": (A, N, N, N, "", ""),
+    "scxml_nested_parallel": (S, N, S, S, "", "completes stuck endless"),
+    "scxml_superstate_stop": (S, N, N, S, "", ""),
+    "scxml_events_both": (S, S, N, N, "", ""),
+    "scxml_events_dup": (S, S, N, N, "C", ""),
+    "scxml_events_failstar": (N, A, N, N, "", ""),
+    "scxml_events_prefix2": (S, S, N, N, "C", ""),
+    "scxml_events_star1": (S, S, N, N, "C", ""),
+    "scxml_events_targetless": (S, S, N, S, "C", ""),
+    "scxml_events_trap2": (N, N, N, A, "", ""),
+}
+
+
+def test_every_chart_has_an_answer() -> None:
+    assert sorted(path.stem for path in CHARTS.iterdir()) == sorted((*REFUSED, *READ))
+
+
+@pytest.mark.parametrize("name", sorted(REFUSED))
+def test_what_is_not_read_is_refused_in_one_sentence(name: str) -> None:
+    (report,) = gpsfsm.check(CHARTS / f"{name}.scxml").plans
+    line, words = REFUSED[name]
+    assert report.facts is None
+    (finding,) = report.findings
+    assert (finding.rule, finding.location.line) == ("GP117", line)
+    assert finding.message.startswith(words)
+    assert finding.hint
+
+
+@pytest.mark.parametrize("name", sorted(READ))
+def test_an_answer_is_right_or_not_proved(name: str) -> None:
+    (report,) = gpsfsm.check(CHARTS / f"{name}.scxml").plans
+    completes, gives_up, stuck, endless, unreachable, may = READ[name]
+    facts = report.facts
+    assert facts is not None
+    assert facts.machine is not None
+    assert (facts.completes, facts.gives_up, facts.stuck) == (completes, gives_up, stuck)
+    assert facts.machine.endless == endless
+    assert [each.rpartition("/")[2] for each in facts.unreachable] == unreachable.split()
+    ends = ("completes", "gives_up", "stuck", "endless")
+    assert [each for each in ends if each in facts.precision] == may.split()
+    if "parallel" in name or "superstate" in name:
+        assert not [each for each in report.findings if each.severity.value == "error"]
+
+
+FOREIGN = (
+    '<x:state xmlns:x="urn:x" id="{}"/>', '<x:transition xmlns:x="urn:x" target="{}"/>',
+    '<y xmlns="urn:y"><state id="{}"/></y>', '<q xmlns=""><transition target="{}"/></q>',
+)  # fmt: skip
+UNKNOWN = ("<stat id='{}'/>", "<State/>", "<choose/>", "<initial id='{}'/>", "<scxml/>")
+ATTRIBUTES = (' xmlns:z="urn:z" z:event="{}"', ' evnt="{}"', ' Cond="{}"', ' next="{}"')
+
+
+def with_something(text: str, chance: random.Random) -> str:
+    """The text with an element or an attribute that means nothing in SCXML."""
+    tags = [*re.finditer(r"<(\w+)(?=[\s>/])[^<>]*?(/?)>", text)]
+    tag = chance.choice(tags)
+    name = chance.choice(("a", "s0", "stop"))
+    if chance.random() < 0.5:
+        at = tag.end(1)
+        return text[:at] + chance.choice(ATTRIBUTES).format(name) + text[at:]
+    piece = chance.choice((*FOREIGN, *UNKNOWN)).format(name)
+    if tag[2]:
+        return f"{text[: tag.end() - 2]}>{piece}</{tag[1]}>{text[tag.end() :]}"
+    return text[: tag.end()] + piece + text[tag.end() :]
+
+
+def test_nothing_is_passed_over_without_a_word() -> None:
+    chance = random.Random(5)  # noqa: S311
+    refused = 0
+    for seed in range(many(60)):
+        text = OddChart(seed, 5).text
+        machine, _ = read(text, "chart", DEFAULT_LIMITS)
+        for _ in range(5 if machine is not None else 0):
+            changed = with_something(text, chance)
+            other, problems = read(changed, "chart", DEFAULT_LIMITS)
+            if other is None:
+                assert problems
+                refused += 1
+            else:
+                assert len(other.approximations) > len(machine.approximations), changed
+    assert refused
+
+
+WRITTEN = """<Plan><Control type="Parallel" need="1">
+  <Runner interface="a/Go" provider="a/Go"/><Runner interface="a/Say" provider="a/Say"/>
+</Control></Plan>"""
