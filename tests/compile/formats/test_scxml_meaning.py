@@ -230,8 +230,3 @@ def test_nothing_is_passed_over_without_a_word() -> None:
             else:
                 assert len(other.approximations) > len(machine.approximations), changed
     assert refused
-
-
-WRITTEN = """<Plan><Control type="Parallel" need="1">
-  <Runner interface="a/Go" provider="a/Go"/><Runner interface="a/Say" provider="a/Say"/>
-</Control></Plan>"""
