@@ -189,23 +189,24 @@ class _Reader:
 
     def _watch(self, node: TreeNode, row: TreeNode) -> None:
         """While a state is active, an event may come: now, later or never."""
-        text = f"{self.chart.name(node)}: {row.text('event') or 'always'}"
-        if row.text("event") or row.text("cond"):
-            now = again = self._choice(text, row)
-            if row.text("event") and not self.chart.external(row):
+        text, event = f"{self.chart.name(node)}: {row.text('event') or 'always'}", row.text("event")
+        if event or row.text("cond") or not self.chart.is_left_at_once(node):
+            now = again = self._node(
+                text, row, kind="runner", interface=CHOICE, parameters={"of": clip(text, _LONGEST)}
+            )
+            if event and not self.chart.external(row):
                 again = self._perhaps(node, row, now)
             self._connect([(now, Event.FAILED)], again)
         else:
             now = self._node(text, row, kind="runner", interface=TICK)
-        if not row.text("event"):
+        if not event:
             self._over(now, row, _EVENTLESS, Cause.ORDER)
         self.watchers[node.index].append(now)
 
     def _perhaps(self, node: TreeNode, row: TreeNode, now: str) -> str:
         """A choice for what may never come: ``now`` follows later, or nothing."""
-        later = self._choice(f"{clip(now, _LONGEST - 40)}: later", row)
+        later = self._add(node, row, f"{clip(now, _LONGEST - 40)}: later", [])
         self._over(later, row, "done.state", Cause.EVENTS)
-        self.added.setdefault(node.index, []).append(later)
         self._connect([(later, Event.SUCCEEDED)], now)
         self._connect([(later, Event.FAILED)], now, "stop")  # it does not come any more
         return later
@@ -225,26 +226,29 @@ class _Reader:
         are such transitions, nobody knows whether all are done: now, later or never.
         """
         chart, name = self.chart, self.chart.name(node)
-        leaving = node.tag == "parallel" and any(
+        joins = [self.joins[node.index]] if node.index in self.joins else []
+        signals = [(each, Event.SUCCEEDED) for each in joins]
+        if node.tag == "parallel" and any(
             each.tag == "parallel" or chart.live(each) for each in chart.inside(node)
-        )
-        if leaving:
-            then = self._choice(f"{name}: all regions are done", node)
+        ):
+            then = self._add(node, node, f"{name}: all regions are done", signals)
             self._over(then, node, "parallel", Cause.ORDER)
             self._connect([(then, Event.FAILED)], self._perhaps(node, node, then))
         else:
-            then = self._node(f"{name}: then", node, kind="runner", interface=TICK)
+            then = self._add(node, node, f"{name}: then", signals, TICK)
             if self._is_disturbed(node):
                 self._over(then, node, "done.state", Cause.ORDER)
         self.done[node.index] = then
-        self.added.setdefault(node.index, []).append(then)
-        if node.index in self.joins:
-            self._connect([(self.joins[node.index], Event.SUCCEEDED)], then)
 
-    def _choice(self, of: str, place: TreeNode) -> str:
-        return self._node(
-            of, place, kind="runner", interface=CHOICE, parameters={"of": clip(of, _LONGEST)}
-        )
+    def _add(
+        self, node: TreeNode, place: TreeNode, of: str, signals: list[Signal], kind: str = CHOICE
+    ) -> str:
+        """A choice or tick that follows signals, and is stopped when the state is left."""
+        parameters = {"of": clip(of, _LONGEST)} if kind == CHOICE else {}
+        name = self._node(of, place, kind="runner", interface=kind, parameters=parameters)
+        self.added.setdefault(node.index, []).append(name)
+        self._connect(signals, name)
+        return name
 
     def _connect(self, signals: list[Signal], target: str, action: str = "trigger") -> None:
         for source, event in signals:
@@ -355,45 +359,33 @@ class _Reader:
     def _leave(self, node: TreeNode) -> None:
         if node.index in self.runner:
             self._outcomes(node, self.runner[node.index])
-        for watcher, row in zip(
-            self.watchers.get(node.index, ()), self._watched(node), strict=False
-        ):  # atomic states have none
-            signal: Signal = (watcher, Event.SUCCEEDED)
+        watchers = self.watchers.get(node.index, ())  # atomic states have none
+        for watcher, row in zip(watchers, self._watched(node), strict=False):
+            signals: list[Signal] = [(watcher, Event.SUCCEEDED)]
             if row.text("cond"):
-                choice = self._cond(node, row, [signal])
+                choice = self._alternative(node, row, signals)
                 self._connect([(choice, Event.FAILED)], watcher)
-                signal = (choice, Event.SUCCEEDED)
+                signals = [(choice, Event.SUCCEEDED)]
             elif row.text("event") and not self.chart.is_private(node, row):
-                signal = self._step(node, row, [signal])
-            self.taken.append(([signal], node, row))
+                signals = self._step(node, row, signals)
+            self.taken.append((signals, node, row))
             if not row.text("target") or self.chart.domain_of(node, row) is node:
-                self._connect([signal], watcher)  # it stays active, and so does its watcher
+                self._connect(signals, watcher)  # it stays active, and so does its watcher
         if node.index in self.done:
             signals = [(self.done[node.index], Event.SUCCEEDED)]
             for row in self._done_rows(node):
                 taken = signals
                 if row.text("cond"):
-                    choice = self._cond(node, row, signals)
+                    choice = self._alternative(node, row, signals)
                     taken, signals = [(choice, Event.SUCCEEDED)], [(choice, Event.FAILED)]
                 self.taken.append((taken, node, row))
 
-    def _cond(self, node: TreeNode, row: TreeNode, signals: list[Signal]) -> str:
-        """A choice among what a condition says."""
-        choice = self._choice(f"{self.chart.name(node)}: {row.text('cond')}", row)
-        self._over(choice, row, "cond", Cause.VALUE)
-        self.added.setdefault(node.index, []).append(choice)
-        self._connect(signals, choice)
-        return choice
-
-    def _step(self, node: TreeNode, row: TreeNode, signals: list[Signal]) -> Signal:
+    def _step(self, node: TreeNode, row: TreeNode, signals: list[Signal]) -> list[Signal]:
         """A moment before a transition whose event is taken elsewhere too, or never comes."""
-        step = self._node(
-            f"{self.chart.name(node)}: on {row.text('event')}", row, kind="runner", interface=TICK
-        )
+        name = f"{self.chart.name(node)}: on {row.text('event')}"
+        step = self._add(node, row, name, signals, TICK)
         self._over(step, row, "event", self._cause(row))
-        self.added.setdefault(node.index, []).append(step)
-        self._connect(signals, step)
-        return step, Event.SUCCEEDED
+        return [(step, Event.SUCCEEDED)]
 
     def _outcomes(self, node: TreeNode, runner: str) -> None:
         """The transitions of an atomic state: by two events, and choices where there are more."""
@@ -422,11 +414,11 @@ class _Reader:
         for each in order:
             taken = signals
             if each not in sure or each is not order[-1]:
-                choice = self._alternative(node, each, signals, exact=not exact or each in firm)
+                choice = self._alternative(node, each, signals, marked=exact and each not in firm)
                 taken, signals = [(choice, Event.SUCCEEDED)], [(choice, Event.FAILED)]
                 exact = exact and each in firm
             elif exact and each not in firm and each.text("event"):
-                taken = [self._step(node, each, signals)]
+                taken = self._step(node, each, signals)
             self.taken.append((taken, node, each))
         if order[-1] in sure:
             return
@@ -443,16 +435,16 @@ class _Reader:
         return not row.text("cond") and (not row.text("event") or bool(self.chart.external(row)))
 
     def _alternative(
-        self, node: TreeNode, row: TreeNode, signals: list[Signal], *, exact: bool
+        self, node: TreeNode, row: TreeNode, signals: list[Signal], *, marked: bool = True
     ) -> str:
-        """A choice between a transition and those after it."""
-        if row.text("cond"):
-            return self._cond(node, row, signals)
-        choice = self._choice(f"{self.chart.name(node)}: {row.text('event')}", row)
-        if not exact:
+        """A choice between a transition and what comes if it is not taken."""
+        cond = row.text("cond")
+        name = f"{self.chart.name(node)}: {cond or row.text('event')}"
+        choice = self._add(node, row, name, signals)
+        if cond:
+            self._over(choice, row, "cond", Cause.VALUE)
+        elif marked:
             self._over(choice, row, "event", self._cause(row))
-        self.added.setdefault(node.index, []).append(choice)
-        self._connect(signals, choice)
         return choice
 
     def _cause(self, row: TreeNode) -> Cause:

@@ -107,6 +107,8 @@ class Chart:
         if not elements.problems:  # else there are names that mean nothing
             for node in elements.nodes:
                 self._references(node)
+        if not elements.problems:
+            self._circles()
         for node in self.states:
             live = self.live(node)
             for each in self.transitions(node):
@@ -289,6 +291,38 @@ class Chart:
                 for text in each.text("event").split():
                     rows.setdefault(tokens(text), []).append(each)
         return rows
+
+    def is_left_at_once(self, node: TreeNode) -> bool:
+        """True if nothing in a state comes before its own eventless transition."""
+        return not any(self.contains(node, each) for each in self._hasty)
+
+    def _circles(self) -> None:
+        """Refuse transitions without event that lead in a circle beside other regions.
+
+        These would wait for ever, though their own events have come.
+        """
+        import networkx
+
+        sources = [node for node in (*self._hasty, *self._with_done) if self.in_parallel(node)]
+        graph: networkx.DiGraph[int] = networkx.DiGraph()
+        for node in sources:
+            for row in (
+                *self.done(node),
+                *(each for each in self.live(node) if not each.text("event")),
+            ):
+                graph.add_edges_from(
+                    (node.index, each.index)
+                    for each in sources
+                    for target in self.targets(row)
+                    if each is target or self.contains(each, target) or self.contains(target, each)
+                )
+        for node in self._hasty:
+            if graph.has_node(node.index) and any(
+                node.index in networkx.descendants(graph, each) or each == node.index
+                for each in graph[node.index]
+            ):
+                message = "transitions without event may lead in a circle, beside other regions"
+                self._fault(node, message, "let one of them wait for an event")
 
     @cached_property
     def _hasty(self) -> list[TreeNode]:

@@ -28,10 +28,6 @@ class TooManyError(Exception):
     """The chart has more configurations than this looks at."""
 
 
-class EndlessStepError(Exception):
-    """A macrostep need not end."""
-
-
 @dataclass(frozen=True)
 class Transition:
     """A transition, with the numbers of its source and its targets."""
@@ -95,6 +91,7 @@ class Chart:
                     )
                 )
                 count += 1
+        self._spins = False  # a macrostep need not end
         self._passed: set[Configuration] = set()
         self.initial = [self._initial(number) for number in range(len(self.tags))]
 
@@ -285,8 +282,7 @@ class Chart:
             if len(seen) > MOST:
                 raise TooManyError
         self._passed |= {at for at, _ in seen}
-        if not nx.is_directed_acyclic_graph(graph):
-            raise EndlessStepError
+        self._spins = self._spins or not nx.is_directed_acyclic_graph(graph)
         return stable
 
     def _next(self, at: Configuration, queue: Queue) -> list[tuple[Configuration, Queue] | None]:
@@ -325,7 +321,7 @@ class Chart:
         return sorted(names)
 
     def verdict(self) -> Verdict:
-        """What the chart can do. Raises TooManyError and EndlessStepError."""
+        """What the chart can do. Raises TooManyError."""
         verdict, events = Verdict(), self.alphabet()
         start, raised = self._enter(frozenset([0]), self.entered(self.initial[0], 0))
         pending = list(self.settled(start, raised))
@@ -352,7 +348,7 @@ class Chart:
                     pending.append(after)
             if len(seen) > MOST:
                 raise TooManyError
-        verdict.endless = any(
+        verdict.endless = self._spins or any(
             self._goes_on(graph, part) for part in nx.strongly_connected_components(graph)
         )
         verdict.passing = {self.acting(at) for at in self._passed}

@@ -24,7 +24,7 @@ from gpsfsm.model.report import Frequency
 from gpsfsm.syntax.source import DEFAULT_LIMITS
 from tests.cases import batches, many
 from tests.compile.formats.random_statecharts import OddChart
-from tests.compile.formats.statecharts import Chart, EndlessStepError, TooManyError, Verdict
+from tests.compile.formats.statecharts import Chart, TooManyError, Verdict
 
 if TYPE_CHECKING:
     from gpsfsm.compile.units import MachinePlan
@@ -48,7 +48,7 @@ def disagreements(text: str) -> list[str] | str:
         judge = Judge(exploration, machine.inexact)
         answers = judge.facts()
         verdict = Chart(text).verdict()
-    except (InconclusiveError, TooManyError, EndlessStepError) as error:
+    except (InconclusiveError, TooManyError) as error:
         return type(error).__name__
     may = {claim[1:] or claim[:1] for claim in answers.may}
     rows = {
