@@ -50,7 +50,8 @@ class ExactPart(Exploration):
         self._everything = False
         for node in inexact:
             self._leave_out(node)
-        self._add(0)
+        if not whole.instants.first().joined & self._joins:  # of those, nothing may be left to see
+            self._add(0)
         self.reached = len(self.configurations)
 
     def _leave_out(self, node: int) -> None:

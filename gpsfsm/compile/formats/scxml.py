@@ -92,6 +92,7 @@ class _Reader:
         self.watchers: dict[int, list[str]] = {}  # by element: what watches while it is active
         self.added: dict[int, list[str]] = {}  # by element: nodes that are stopped with it
         self.joins: dict[int, str] = {}
+        self.extras: dict[str, list[str]] = {}  # by join: those in front of it
         self.done: dict[int, str] = {}  # by element: what stands between its end and what follows
         self.told: dict[int, str] = {}  # by element: what its end marks
         self.uncertain: set[int] = set()  # elements whose done.state is watched for like an event
@@ -107,7 +108,7 @@ class _Reader:
             self._make(each)
         for each in chart.states:
             self._leave(each)
-        self._go([("begin", Event.SUCCEEDED)], [self.root])
+        self._go(("begin", Event.SUCCEEDED), [self.root])
         for signals, source, row in self.taken:  # now that all nodes are there
             self._take(signals, source, row)
 
@@ -179,12 +180,11 @@ class _Reader:
 
     def _watched(self, node: TreeNode) -> list[TreeNode]:
         """The transitions of a state around others that may be taken at any time."""
-        done = self.chart.done(node)
         return [
             each
             for each in self.chart.live(node)
             if (each.text("target") or each.text("cond") or self.chart.external(each))
-            and (node.index in self.uncertain or each not in done or self.chart.external(each))
+            and (node.index in self.uncertain or not self.chart.is_of_itself(node, each))
         ]
 
     def _watch(self, node: TreeNode, row: TreeNode) -> None:
@@ -257,7 +257,7 @@ class _Reader:
 
     # -- entering ---------------------------------------------------------------------------
 
-    def _go(self, signals: list[Signal], targets: list[TreeNode]) -> None:
+    def _go(self, signal: Signal, targets: list[TreeNode]) -> None:
         """An event enters states, and all follows that follows at once.
 
         A final state that is entered is a transition of its own, once all else has been entered
@@ -291,7 +291,7 @@ class _Reader:
                 pending += reversed(self._arrived(node, self._initial(node)))
         for target, actions in self.effects.items():
             for action in sorted(actions):
-                self._connect(signals, target, action)
+                self._connect([signal], target, action)
         self.effects.clear()
 
     def _trigger(self, name: str) -> None:
@@ -344,7 +344,7 @@ class _Reader:
             self._trigger("give_up" if is_failure(self.chart.name(final)) else "complete")
             return None
         if self._outer_join(around):
-            self._trigger(self._outer_join(around))
+            self._arrive(around, self._outer_join(around))
         for each in self.chart.outwards(around):
             if each.index in self.told and (each is around or each.tag == "parallel"):
                 self._trigger(self.told[each.index])
@@ -353,6 +353,16 @@ class _Reader:
             return None
         rows = self._done_rows(around)
         return rows[0] if rows else None
+
+    def _arrive(self, region: TreeNode, join: str) -> None:
+        """A region is done; a second one at the same time has a connection of its own."""
+        if "trigger" in self.effects.get(join, ()):
+            name = f"{self.chart.name(region)}: done"
+            extra = self._node(name, region, kind="join", need=1)
+            self._connect([(extra, Event.SUCCEEDED)], join)
+            self.extras.setdefault(join, []).append(extra)
+            join = extra
+        self._trigger(join)
 
     # -- leaving ----------------------------------------------------------------------------
 
@@ -452,10 +462,11 @@ class _Reader:
 
     def _take(self, signals: list[Signal], source: TreeNode, row: TreeNode) -> None:
         """A transition: what it leaves is stopped, and its targets are entered."""
-        if row.text("target"):
-            self._go(signals, self._moved(source, row))
-        elif source.index in self.runner:  # the state stays as it is
-            self._go(signals, [source])
+        for signal in signals:
+            if row.text("target"):
+                self._go(signal, self._moved(source, row))
+            elif source.index in self.runner:  # the state stays as it is
+                self._go(signal, [source])
 
     def _moved(self, source: TreeNode, row: TreeNode) -> list[TreeNode]:
         """The states that a transition enters; those that it leaves are stopped."""
@@ -481,7 +492,9 @@ class _Reader:
             for name in names:
                 self.effects[name] = {"stop"}
             if each.index in self.joins:
-                self.effects.pop(self.joins[each.index], None)
+                join = self.joins[each.index]
+                for name in (join, *self.extras.get(join, ())):
+                    self.effects.pop(name, None)
             pending += self.chart.inside(each)
 
 

@@ -251,6 +251,12 @@ class Chart:
                     break
         return rows
 
+    def is_of_itself(self, node: TreeNode, row: TreeNode) -> bool:
+        """True for a transition by the end of its state alone."""
+        event = ("done", "state", *tokens(self.name(node)))
+        names = [tokens(text) for text in row.text("event").split()]
+        return bool(names) and all(each == event for each in names)
+
     def external(self, row: TreeNode) -> list[Tokens]:
         """The names by which the environment can take a transition."""
         rows = [tokens(text) for text in row.text("event").split()]
