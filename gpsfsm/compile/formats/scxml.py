@@ -94,7 +94,7 @@ class _Reader:
         self.joins: dict[int, str] = {}
         self.extras: dict[str, list[str]] = {}  # by join: those in front of it
         self.done: dict[int, str] = {}  # by element: what stands between its end and what follows
-        self.told: dict[int, str] = {}  # by element: what its end marks
+        self.marks: dict[int, str] = {}  # by element: what its end marks
         self.uncertain: set[int] = set()  # elements whose done.state is watched for like an event
         self.effects: dict[str, set[str]] = {}  # of one event: triggered, stopped, by node
         self.left: set[int] = set()  # the states that the last transition has left
@@ -138,7 +138,7 @@ class _Reader:
             self.watchers[node.index] = []
             for each in self._watched(node):
                 self._watch(node, each)
-            self._make_told(node)
+            self._make_mark(node)
             rows = self._done_rows(node)
             if rows and (node.tag == "parallel" or rows[0].text("cond")):
                 self._make_done(node)
@@ -211,13 +211,13 @@ class _Reader:
         self._connect([(later, Event.FAILED)], now, "stop")  # it does not come any more
         return later
 
-    def _make_told(self, node: TreeNode) -> None:
+    def _make_mark(self, node: TreeNode) -> None:
         """A node without consequences: entering it says that no run from here on is exact."""
         handled = self._done_rows(node) and not self._done_rows(node)[-1].text("cond")
-        if node.index in self.uncertain or (not handled and self.chart.is_told_of(node)):
-            join = self._node(f"{self.chart.name(node)}: told", node, kind="join", need=1)
+        if node.index in self.uncertain or (not handled and self.chart.is_listened_for(node)):
+            join = self._node(f"{self.chart.name(node)}: its end", node, kind="join", need=1)
             self._over(join, node, "done.state", Cause.EVENTS)
-            self.told[node.index] = join
+            self.marks[node.index] = join
 
     def _make_done(self, node: TreeNode) -> None:
         """The moment between the end of all regions and what follows.
@@ -346,8 +346,8 @@ class _Reader:
         if self._outer_join(around):
             self._arrive(around, self._outer_join(around))
         for each in self.chart.outwards(around):
-            if each.index in self.told and (each is around or each.tag == "parallel"):
-                self._trigger(self.told[each.index])
+            if each.index in self.marks and (each is around or each.tag == "parallel"):
+                self._trigger(self.marks[each.index])
         if around.index in self.done:
             self._trigger(self.done[around.index])
             return None

@@ -361,7 +361,7 @@ class Chart:
         """
         return (
             self._is_rushed(node)
-            or any(self.is_beside(each, node) for each in self._others_told(node))
+            or any(self.is_beside(each, node) for each in self._listeners(node))
             or any(
                 self._leaves(each, row, node)
                 for each in self._with_done
@@ -371,14 +371,14 @@ class Chart:
             )
         )
 
-    def is_told_of(self, node: TreeNode) -> bool:
+    def is_listened_for(self, node: TreeNode) -> bool:
         """True if other states may have transitions for the ``done.state`` of a state."""
-        others = self._others_told(node)
+        others = self._listeners(node)
         return any(self.contains(each, node) or self.is_beside(each, node) for each in others) or (
             bool(others) and self._is_rushed(node)
         )
 
-    def _others_told(self, node: TreeNode) -> list[TreeNode]:
+    def _listeners(self, node: TreeNode) -> list[TreeNode]:
         event = ("done", "state", *tokens(self.name(node)))
         rows = (
             self.parent(row)
