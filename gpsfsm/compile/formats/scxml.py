@@ -110,7 +110,8 @@ class _Reader:
             self._leave(each)
         self._go(("begin", Event.SUCCEEDED), [self.root])
         for signals, source, row in self.taken:  # now that all nodes are there
-            self._take(signals, source, row)
+            if not self.elements.problems:
+                self._take(signals, source, row)
 
     # -- nodes ------------------------------------------------------------------------------
 

@@ -9,15 +9,16 @@ the same events is dead, and so is what waits for events beside an unconditional
 
 from __future__ import annotations
 
+from bisect import bisect
 from functools import cached_property
-from itertools import combinations
+from itertools import chain, combinations
 from typing import TYPE_CHECKING, Final
 
 from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from gpsfsm.compile.formats.elements import Elements
     from gpsfsm.model.tree import TreeNode
@@ -65,7 +66,7 @@ _INTERNAL: Final = (
 """The events that only the machine itself raises, by their first tokens."""
 _ERROR: Final = ("error", "execution")
 _LONGER: Final = "\0"
-_MOST_RIVALS: Final = 500
+_MOST_TARGETS: Final = 50
 _LONGEST: Final = 200
 Tokens = tuple[str, ...]
 
@@ -76,7 +77,9 @@ def tokens(descriptor: str) -> Tokens:
     >>> tokens("nav.failed.*"), tokens("*")
     (('nav', 'failed'), ())
     """
-    return tuple(each for each in descriptor.split(".") if each not in ("", "*"))
+    if descriptor in ("*", ".*"):
+        return ()
+    return tuple(descriptor.removesuffix("*").removesuffix(".").split("."))
 
 
 class Chart:
@@ -181,7 +184,9 @@ class Chart:
                 targets.append(self.ids[each])
             if message:
                 self._fault(node, message, "correct the name, or add the state")
-        if any(not self.is_beside(*pair) for pair in combinations(targets[:_MOST_RIVALS], 2)):
+        if len(targets) > _MOST_TARGETS or any(
+            not self.is_beside(*pair) for pair in combinations(targets, 2)
+        ):
             message = f"the targets {clip(node.text(name), _LONGEST)!r} are never active together"
             self._fault(node, message, "name one state in each region of a <parallel>")
 
@@ -210,19 +215,38 @@ class Chart:
             node = self.parent(node)
         yield self.root
 
+    @cached_property
+    def _last(self) -> list[int]:
+        """For each element the last one in it."""
+        last = list(range(len(self.elements.nodes)))
+        for node in reversed(self.elements.nodes[1:]):
+            last[node.parent] = max(last[node.parent], last[node.index])
+        return last
+
+    @cached_property
+    def _in_regions(self) -> frozenset[int]:
+        inside: set[int] = set()
+        for node in self.states:
+            if self.parent(node).tag == "parallel" or node.parent in inside:
+                inside.add(node.index)
+        return frozenset(inside)
+
     def contains(self, outer: TreeNode, inner: TreeNode) -> bool:
         """True for a state in a state."""
-        return any(each is outer for each in self.outwards(self.parent(inner)))
+        return outer.index < inner.index <= self._last[outer.index]
 
     def is_beside(self, one: TreeNode, other: TreeNode) -> bool:
         """True for states in different regions of a parallel."""
-        around = {each.index for each in self.outwards(one)}
-        common = next(each for each in self.outwards(other) if each.index in around)
+        if one.index not in self._in_regions or other.index not in self._in_regions:
+            return False
+        common = next(
+            each for each in self.outwards(other) if each is one or self.contains(each, one)
+        )
         return common.tag == "parallel" and common not in (one, other)
 
     def in_parallel(self, node: TreeNode) -> bool:
         """True for what lies in a region."""
-        return any(each.tag == "parallel" for each in self.outwards(self.parent(node)))
+        return node.index in self._in_regions
 
     # -- transitions ------------------------------------------------------------------------
 
@@ -231,8 +255,8 @@ class Chart:
         rows: list[TreeNode] = []
         taken: set[Tokens] = set()
         for each in self.transitions(node):
-            events = [tokens(text) for text in each.text("event").split()]
-            if events and all(_begins(names, taken) for names in events):
+            events = self._events(each)
+            if events and all(_begins(event, taken) for event in events):
                 continue
             rows.append(each)
             if not each.text("cond"):
@@ -245,7 +269,7 @@ class Chart:
         """Those that may be taken when the state is done."""
         rows: list[TreeNode] = []
         for each in self.live(node):
-            if names(each, ("done", "state", *tokens(self.name(node)))):
+            if _begins(self._done_event(node), self._events(each)):
                 rows.append(each)
                 if not each.text("cond"):
                     break
@@ -253,14 +277,14 @@ class Chart:
 
     def is_of_itself(self, node: TreeNode, row: TreeNode) -> bool:
         """True for a transition by the end of its state alone."""
-        event = ("done", "state", *tokens(self.name(node)))
-        names = [tokens(text) for text in row.text("event").split()]
-        return bool(names) and all(each == event for each in names)
+        return set(self._events(row)) == {self._done_event(node)}
 
     def external(self, row: TreeNode) -> list[Tokens]:
         """The names by which the environment can take a transition."""
-        rows = [tokens(text) for text in row.text("event").split()]
-        return [each for each in rows if each[:2] not in _INTERNAL]
+        return [each for each in self._events(row) if each[:2] not in _INTERNAL]
+
+    def _events(self, row: TreeNode) -> list[Tokens]:
+        return [tokens(text) for text in row.text("event").split()]
 
     def is_private(self, node: TreeNode, row: TreeNode) -> bool:
         """True if an event takes this transition and no other one that can be active besides."""
@@ -268,14 +292,20 @@ class Chart:
             not any(
                 self._rivals(node, row, each)
                 for length in range(len(name) + 1)
-                for each in self._by_name.get(name[:length], ())
+                for each in self._near(node, self._by_name.get(name[:length], []))
             )
             for event in self.external(row)
             for name in (event, (*event, _LONGER))
             if name
-            and sum(len(self._by_name.get(name[:n], ())) for n in range(len(name) + 1))
-            < _MOST_RIVALS
         )
+
+    def _near(self, node: TreeNode, rows: list[TreeNode]) -> list[TreeNode]:
+        """The transitions in a state; if it is in a region, all."""
+        if self.in_parallel(node):
+            return rows
+        ends = (node.index, self._last[node.index])
+        first, last = (bisect(rows, end, key=lambda row: row.index) for end in ends)
+        return rows[first:last]
 
     def _rivals(self, node: TreeNode, row: TreeNode, other: TreeNode) -> bool:
         """True if the other transition, which has the same event, could be taken with or before."""
@@ -294,13 +324,15 @@ class Chart:
         rows: dict[Tokens, list[TreeNode]] = {}
         for node in self.states:
             for each in self.transitions(node):
-                for text in each.text("event").split():
-                    rows.setdefault(tokens(text), []).append(each)
+                for event in self._events(each):
+                    rows.setdefault(event, []).append(each)
+        for named in rows.values():
+            named.sort(key=lambda row: row.index)
         return rows
 
     def is_left_at_once(self, node: TreeNode) -> bool:
         """True if nothing in a state comes before its own eventless transition."""
-        return not any(self.contains(node, each) for each in self._hasty)
+        return not any(self.contains(node, each) for each in self._eventless)
 
     def _circles(self) -> None:
         """Refuse transitions without event that lead in a circle beside other regions.
@@ -309,49 +341,58 @@ class Chart:
         """
         import networkx
 
-        sources = [node for node in (*self._hasty, *self._with_done) if self.in_parallel(node)]
+        eventless = [each for each in self._eventless if self.in_parallel(each)]
         graph: networkx.DiGraph[int] = networkx.DiGraph()
-        for node in sources:
-            for row in (
-                *self.done(node),
-                *(each for each in self.live(node) if not each.text("event")),
-            ):
-                graph.add_edges_from(
-                    (node.index, each.index)
-                    for each in sources
-                    for target in self.targets(row)
-                    if each is target or self.contains(each, target) or self.contains(target, each)
-                )
-        for node in self._hasty:
-            if graph.has_node(node.index) and any(
-                node.index in networkx.descendants(graph, each) or each == node.index
-                for each in graph[node.index]
-            ):
+        for node in (*eventless, *self._with_done):
+            for row in self.live(node):
+                if row.text("event") and row not in self.done(node):
+                    continue
+                for target in self.targets(row):
+                    graph.add_edges_from(
+                        (node.index, each.index)
+                        for each in (*eventless, *self._with_done)
+                        if self.contains(each, target) or self.contains(target, each)
+                        or each is target
+                    )  # fmt: skip
+        circles = networkx.strongly_connected_components(graph)
+        inside = {each for part in circles if len(part) > 1 for each in part}
+        for node in eventless:
+            if node.index in inside or graph.has_edge(node.index, node.index):
                 message = "transitions without event may lead in a circle, beside other regions"
                 self._fault(node, message, "let one of them wait for an event")
 
     @cached_property
-    def _hasty(self) -> list[TreeNode]:
-        """The states with transitions that may be taken before one by a ``done.state`` event."""
-        errs = any(
-            each.tag in _UNREAD or each.attribute("cond") is not None
-            for each in self.elements.nodes
-        )
+    def _eventless(self) -> list[TreeNode]:
         return [
-            node
-            for node in self.states
-            if any(
-                not each.text("event") or (errs and names(each, _ERROR)) for each in self.live(node)
-            )
+            node for node in self.states if any(not row.text("event") for row in self.live(node))
         ]
 
     @cached_property
+    def _hasty(self) -> list[TreeNode]:
+        """The states with transitions that may be taken before one by a ``done.state`` event."""
+        errors = any(
+            each.tag in _UNREAD or each.attribute("cond") is not None
+            for each in self.elements.nodes
+        )
+        return [*self._eventless, *(self._naming(_ERROR) if errors else ())]
+
+    @cached_property
     def _with_done(self) -> list[TreeNode]:
-        return [
-            node
-            for node in self.states
-            if self.inside(node) and self.in_parallel(node) and self.done(node)
-        ]
+        return [node for node in self.states if self.in_parallel(node) and self.done(node)]
+
+    def _naming(self, event: Tokens) -> list[TreeNode]:
+        """The states with a transition for an event."""
+        rows = (self._by_name.get(event[:length], ()) for length in range(len(event) + 1))
+        return [self.parent(each) for each in chain.from_iterable(rows)]
+
+    def _is_active(self, node: TreeNode, others: list[TreeNode]) -> bool:
+        """True if one of the others may be active when a state is done."""
+        indexes = {each.index for each in others}
+        around = self.outwards(self.parent(node))
+        return any(each.index in indexes for each in around) or self._has_beside(node, others)
+
+    def _has_beside(self, node: TreeNode, others: list[TreeNode]) -> bool:
+        return self.in_parallel(node) and any(self.is_beside(each, node) for each in others)
 
     def is_uncertain(self, node: TreeNode) -> bool:
         """True if the ``done.state`` of a state may come late, or be lost, or come again.
@@ -361,7 +402,7 @@ class Chart:
         """
         return (
             self._is_rushed(node)
-            or any(self.is_beside(each, node) for each in self._listeners(node))
+            or self._has_beside(node, self._naming(self._done_event(node)))
             or any(
                 self._leaves(each, row, node)
                 for each in self._with_done
@@ -373,26 +414,14 @@ class Chart:
 
     def is_listened_for(self, node: TreeNode) -> bool:
         """True if other states may have transitions for the ``done.state`` of a state."""
-        others = self._listeners(node)
-        return any(self.contains(each, node) or self.is_beside(each, node) for each in others) or (
-            bool(others) and self._is_rushed(node)
-        )
-
-    def _listeners(self, node: TreeNode) -> list[TreeNode]:
-        event = ("done", "state", *tokens(self.name(node)))
-        rows = (
-            self.parent(row)
-            for length in range(len(event) + 1)
-            for row in self._by_name.get(event[:length], ())
-        )
-        return [each for each in rows if each is not node]
+        others = [each for each in self._naming(self._done_event(node)) if each is not node]
+        return self._is_active(node, others) or (bool(others) and self._is_rushed(node))
 
     def _is_rushed(self, node: TreeNode) -> bool:
-        """True if something may come before a ``done.state`` that has happened."""
-        return any(
-            each is node or self.contains(each, node) or self.is_beside(each, node)
-            for each in self._hasty
-        )
+        return any(each is node for each in self._hasty) or self._is_active(node, self._hasty)
+
+    def _done_event(self, node: TreeNode) -> Tokens:
+        return ("done", "state", *tokens(self.name(node)))
 
     def _leaves(self, source: TreeNode, row: TreeNode, other: TreeNode) -> bool:
         """True if a transition leaves the other state too."""
@@ -415,10 +444,6 @@ class Chart:
         return self.root
 
 
-def names(row: TreeNode, event: Tokens) -> bool:
-    """True for a transition that names an event."""
-    return _begins(event, {tokens(text) for text in row.text("event").split()})
-
-
-def _begins(name: Tokens, taken: set[Tokens]) -> bool:
+def _begins(name: Tokens, taken: Collection[Tokens]) -> bool:
+    """True if one of the taken names is what the name begins with."""
     return any(name[:length] in taken for length in range(len(name) + 1))
