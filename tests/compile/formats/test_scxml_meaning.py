@@ -230,3 +230,82 @@ def test_nothing_is_passed_over_without_a_word() -> None:
             else:
                 assert len(other.approximations) > len(machine.approximations), changed
     assert refused
+
+
+HEAD = '<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0">'
+ENDS = '<final id="ok"/><final id="failed"/></scxml>'
+KINDS = {
+    # what an end marks, at the first instant: x never comes in time
+    "events of the machine itself": (
+        '<parallel id="p"><state id="a"><final id="f"/></state><state id="b"><transition'
+        ' event="done.state.a" target="ok"/><transition event="x" target="failed"/>'
+        '<state id="c"/></state></parallel>',
+        (S, S, N, S, "completes gives_up endless"),
+    ),
+    "done together": (
+        '<parallel id="p"><transition event="done.state.p" target="ok"/><state id="a">'
+        '<final id="f"/></state><state id="b"><final id="g"/></state></parallel>',
+        (A, N, N, N, ""),
+    ),
+    "internal again": (
+        '<state id="a"><transition event="x" type="internal" target="b"/>'
+        '<state id="b"><transition event="y" target="ok"/></state></state>',
+        (S, N, N, S, ""),
+    ),
+    "if else": (
+        '<state id="a"><transition event="x" cond="c" target="ok"/>'
+        '<transition event="x" target="failed"/></state>',
+        (S, S, N, N, "completes gives_up"),
+    ),
+    "consumed": (
+        '<state id="a"><transition event="*"/><state id="b"/></state>',
+        (N, N, N, A, ""),
+    ),
+    "awaits what nothing sends": (
+        '<state id="a"><transition event="done.state.q" target="ok"/></state>',
+        (S, N, S, S, "completes stuck endless"),
+    ),
+    "one event in two regions": (
+        '<parallel id="p"><state id="a"><state id="a1"><transition event="x" target="a2"/></state>'
+        '<final id="a2"/></state><state id="b"><state id="b1"><transition event="x" target="b2"/>'
+        '</state><final id="b2"/></state><transition event="done.state.p" target="ok"/></parallel>',
+        (A, N, N, N, ""),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_kinds_that_were_misread_are_read(kind: str) -> None:
+    text, (completes, gives_up, stuck, endless, may) = KINDS[kind]
+    assert disagreements(HEAD + text + ENDS) == []
+    facts = gpsfsm.check(HEAD + text + ENDS).plans[0].facts
+    assert facts is not None
+    assert facts.machine is not None
+    ends = (facts.completes, facts.gives_up, facts.stuck, facts.machine.endless)
+    assert ends == (completes, gives_up, stuck, endless)
+    names = ("completes", "gives_up", "stuck", "endless")
+    assert [each for each in names if each in facts.precision] == may.split()
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ('<state id="a"><transition/></state>', "neither event, cond nor target"),
+        ('<state id="a"><transition event=" " target="ok"/></state>', "the event of this"),
+        ('<state id="a"><transition type="in" target="ok"/></state>', "no type 'in'"),
+        ('<state id="a" initial="ok"><state id="b"/></state>', "is not in this state"),
+        ('<state id="a"><initial/><state id="b"/></state>', "exactly one transition"),
+        ('<parallel id="a"><final id="b"/></parallel>', "cannot contain a <final>"),
+        (
+            '<parallel id="p"><state id="a"><state id="b"><transition target="c"/></state><state'
+            ' id="c"><transition cond="x" target="b"/></state></state><state id="d"/></parallel>',
+            "lead in a circle",
+        ),
+    ],
+)
+def test_what_no_engine_reads_so_is_refused(body: str, words: str) -> None:
+    machine, problems = read(HEAD + body + ENDS, "chart.scxml", DEFAULT_LIMITS)
+    assert machine is None
+    assert words in problems[0].message
+    assert problems[0].hint
+    assert problems[0].location.line == 1
