@@ -54,6 +54,8 @@ class Cause(StrEnum):
     NO_MEANING = "it does not affect the runs"
     NOT_WRITTEN = "the file does not say it"
     RESUMED = "the run is assumed to be resumed there"
+    DATA = "data is not read"
+    EARLIER = "an earlier transition is always taken instead"
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,17 +20,17 @@ from gpsfsm.compile.formats import CannotSayError, Format
 from gpsfsm.compile.formats.elements import Elements, place_of
 from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.formats.outcomes import is_failure
+from gpsfsm.compile.formats.scxml_chart import Chart
 from gpsfsm.compile.formats.scxml_regions import read_regions, runner_of
 from gpsfsm.compile.formats.scxml_writing import NAMESPACE, OWN_NAMESPACE, own_of, write_regions
-from gpsfsm.compile.machines import machine_of
+from gpsfsm.compile.machines import machine_of, mark
 from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
+from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 from gpsfsm.syntax.text import root_name
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     import networkx as nx
 
     from gpsfsm.compile.machines import ReadMachine
@@ -50,6 +50,7 @@ _REFUSED: Final = {
     "cancel": "events that a machine sends are not followed",
 }
 _PASSED = ("datamodel", "data", "onentry", "onexit", "log", "assign", "initial", "transition")
+_EVENTLESS: Final = "transition without event"
 _LONGEST: Final = 200
 Signal = tuple[str, Event]
 
@@ -66,79 +67,51 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
     if not elements.nodes:
         return None, tuple(elements.problems)
     if elements.nodes[0].text("gpsfsm:form") == "regions":
-        return read_regions(elements, file)
-    reader = _Reader(elements)
+        return read_regions(elements, file, limits)
+    chart = Chart(elements)
+    if elements.problems:
+        return None, tuple(elements.problems)
+    reader = _Reader(chart)
     if elements.problems:
         return None, tuple(elements.problems)
     return machine_of(
-        reader.graph, file=file, places=reader.places, approximations=elements.skipped
+        reader.graph, file=file, places=reader.places, approximations=chart.approximations
     )
 
 
 class _Reader:
-    def __init__(self, elements: Elements) -> None:
+    def __init__(self, chart: Chart) -> None:
         import networkx
 
-        self.elements = elements
+        self.chart = chart
+        self.elements = chart.elements
         self.graph: nx.MultiDiGraph[Any] = networkx.MultiDiGraph()
         self.places: dict[Any, Any] = {}
-        self.root = elements.nodes[0]
-        self.states = [each for each in elements.nodes if each.tag in _STATES]
-        self.ids: dict[str, TreeNode] = {}
+        self.root = chart.root
         self.runner: dict[int, str] = {}  # by element: the node of an atomic state
         self.watchers: dict[int, list[str]] = {}  # by element: what watches while it is active
+        self.added: dict[int, list[str]] = {}  # by element: nodes that are stopped with it
         self.joins: dict[int, str] = {}
-        self.done: dict[int, list[str]] = {}  # by parallel: what its end leads to
+        self.extras: dict[str, list[str]] = {}  # by join: those in front of it
+        self.done: dict[int, str] = {}  # by element: what stands between its end and what follows
+        self.marks: dict[int, str] = {}  # by element: what its end marks
+        self.uncertain: set[int] = set()  # elements whose done.state is watched for like an event
         self.effects: dict[str, set[str]] = {}  # of one event: triggered, stopped, by node
         self.left: set[int] = set()  # the states that the last transition has left
-        self._check()
-        if elements.problems:
-            return
+        self.taken: list[tuple[list[Signal], TreeNode, TreeNode]] = []
         for name in ("begin", "complete", "give_up"):
             self._node(name, self.root, kind="start" if name == "begin" else name)
-        for each in self.states:
+        for each in chart.states:
+            if chart.inside(each) and chart.done(each) and chart.is_uncertain(each):
+                self.uncertain.add(each.index)
+        for each in chart.states:
             self._make(each)
-        self._go(("begin", Event.SUCCEEDED), [self.root])
-        for each in self.states:
+        for each in chart.states:
             self._leave(each)
-
-    # -- what is there ----------------------------------------------------------------------
-
-    def _check(self) -> None:
-        for node in self.elements.nodes[1:]:
-            tag = node.tag
-            if tag in _REFUSED:
-                self.elements.fault(node, f"<{tag}> is not read: {_REFUSED[tag]}", "leave it out")
-            elif tag not in (*_STATES, *_PASSED) and tag != "scxml":
-                parent = self.elements.nodes[node.parent]
-                if parent.tag in ("scxml", "state", "parallel"):
-                    message = f"<{clip(tag, _LONGEST)}> is not an SCXML element"
-                    self.elements.fault(node, message, "remove it")
-        for node in self.states:
-            name = node.text("id")
-            if name and self.ids.setdefault(name, node) is not node:
-                self.elements.fault(node, f"there are two states {name!r}", "rename one of them")
-        for node in self.elements.nodes:
-            attribute = "target" if node.tag == "transition" else "initial"
-            for name in node.text(attribute).split():
-                if name not in self.ids:
-                    message = f"there is no state {clip(name, _LONGEST)!r}"
-                    self.elements.fault(node, message, "correct the name, or add the state")
-        if not any(each.tag in _STATES for each in self.elements.children(self.root)):
-            self.elements.fault(self.root, "there is no state here", "add one")
-
-    def _inside(self, node: TreeNode) -> list[TreeNode]:
-        """The states in a state."""
-        return [each for each in self.elements.children(node) if each.tag in _STATES]
-
-    def _transitions(self, node: TreeNode) -> list[TreeNode]:
-        return [each for each in self.elements.children(node) if each.tag == "transition"]
-
-    def _parent(self, node: TreeNode) -> TreeNode:
-        return self.elements.nodes[node.parent]
-
-    def _name(self, node: TreeNode) -> str:
-        return node.text("id") or f"{node.tag}@{node.line}:{node.column}"
+        self._go(("begin", Event.SUCCEEDED), [self.root])
+        for signals, source, row in self.taken:  # now that all nodes are there
+            if not self.elements.problems:
+                self._take(signals, source, row)
 
     # -- nodes ------------------------------------------------------------------------------
 
@@ -150,57 +123,138 @@ class _Reader:
         self.places[unique] = place_of(place)
         return unique
 
+    def _over(self, name: str, place: TreeNode, construct: str, cause: Cause) -> None:
+        mark(self.graph, name, Approximation(Reading.OVER, construct, place.location, cause))
+
     def _make(self, node: TreeNode) -> None:
-        name, inside = self._name(node), self._inside(node)
+        name, inside = self.chart.name(node), self.chart.inside(node)
         if node.tag == "state" and not inside:
             runner = runner_of(self.elements, node, name)
             self.runner[node.index] = self._node(name, node, **runner)
-        elif node.tag == "parallel":
-            need = max(1, len(inside))
-            join = self.joins[node.index] = self._node(
-                f"{name}: done", node, kind="join", need=need
-            )
-            if self._done(node) is not None:
-                self._make_done(node, (join, Event.SUCCEEDED))
+            self._mark_eventless(node)
+        elif node.tag == "parallel" and self._is_counted(node):
+            need = len(inside)
+            self.joins[node.index] = self._node(f"{name}: done", node, kind="join", need=need)
         if inside:
-            self.watchers[node.index] = [
-                self._choice(f"{name}: {each.text('event') or 'always'}", each)
-                for each in self._transitions(node)
-                if not _is_done(each, name)
-            ]
+            self.watchers[node.index] = []
+            for each in self._watched(node):
+                self._watch(node, each)
+            self._make_mark(node)
+            rows = self._done_rows(node)
+            if rows and (node.tag == "parallel" or rows[0].text("cond")):
+                self._make_done(node)
+        outer = self._outer_join(node)
+        if outer and node.index in self.joins:
+            self._connect([(self.joins[node.index], Event.SUCCEEDED)], outer)
 
-    def _make_done(self, node: TreeNode, signal: Signal) -> None:
+    def _mark_eventless(self, node: TreeNode) -> None:
+        """An atomic state acts for a while, which the file says only of what waits for events."""
+        for each in self.chart.live(node):
+            if each.text("event"):
+                continue
+            if each.text("cond"):
+                self._over(self.runner[node.index], each, "cond", Cause.VALUE)
+            elif self._is_disturbed(node):
+                self._over(self.runner[node.index], each, _EVENTLESS, Cause.ORDER)
+
+    def _is_disturbed(self, node: TreeNode) -> bool:
+        """True if something else can happen while a state is active."""
+        return any(
+            each.tag == "parallel" or self.chart.transitions(each)
+            for each in self.chart.outwards(self.chart.parent(node))
+        )
+
+    def _is_counted(self, node: TreeNode) -> bool:
+        """True if something follows the end of all regions of a parallel."""
+        outer = self.chart.parent(node)
+        return bool(self._done_rows(node)) or (outer.tag == "parallel" and self._is_counted(outer))
+
+    def _outer_join(self, node: TreeNode) -> str:
+        return self.joins.get(self.chart.parent(node).index, "")
+
+    def _done_rows(self, node: TreeNode) -> list[TreeNode]:
+        """The transitions that follow at once when a state is done."""
+        if not self.chart.inside(node) or node.index in self.uncertain:
+            return []
+        rows = self.chart.done(node)
+        return rows if any(each.text("target") for each in rows) else []
+
+    def _watched(self, node: TreeNode) -> list[TreeNode]:
+        """The transitions of a state around others that may be taken at any time."""
+        return [
+            each
+            for each in self.chart.live(node)
+            if (each.text("target") or each.text("cond") or self.chart.external(each))
+            and (node.index in self.uncertain or not self.chart.is_of_itself(node, each))
+        ]
+
+    def _watch(self, node: TreeNode, row: TreeNode) -> None:
+        """While a state is active, an event may come: now, later or never."""
+        text, event = f"{self.chart.name(node)}: {row.text('event') or 'always'}", row.text("event")
+        if event or row.text("cond") or not self.chart.is_left_at_once(node):
+            now = again = self._node(
+                text, row, kind="runner", interface=CHOICE, parameters={"of": clip(text, _LONGEST)}
+            )
+            if event and not self.chart.external(row):
+                again = self._perhaps(node, row, now)
+            self._connect([(now, Event.FAILED)], again)
+        else:
+            now = self._node(text, row, kind="runner", interface=TICK)
+        if not event:
+            self._over(now, row, _EVENTLESS, Cause.ORDER)
+        self.watchers[node.index].append(now)
+
+    def _perhaps(self, node: TreeNode, row: TreeNode, now: str) -> str:
+        """A choice for what may never come: ``now`` follows later, or nothing."""
+        later = self._add(node, row, f"{clip(now, _LONGEST - 40)}: later", [])
+        self._over(later, row, "done.state", Cause.EVENTS)
+        self._connect([(later, Event.SUCCEEDED)], now)
+        self._connect([(later, Event.FAILED)], now, "stop")  # it does not come any more
+        return later
+
+    def _make_mark(self, node: TreeNode) -> None:
+        """A node without consequences: entering it says that no run from here on is exact."""
+        handled = self._done_rows(node) and not self._done_rows(node)[-1].text("cond")
+        if node.index in self.uncertain or (not handled and self.chart.is_listened_for(node)):
+            join = self._node(f"{self.chart.name(node)}: its end", node, kind="join", need=1)
+            self._over(join, node, "done.state", Cause.EVENTS)
+            self.marks[node.index] = join
+
+    def _make_done(self, node: TreeNode) -> None:
         """The moment between the end of all regions and what follows.
 
         A region that is done may be left by a transition of its own, and be done again. So if there
         are such transitions, nobody knows whether all are done: now, later or never.
         """
-        name = self._name(node)
-        leaving = any(
-            not _is_done(transition, self._name(region))
-            for region in self._inside(node)
-            for transition in self._transitions(region)
-            if self._inside(region)
-        )
-        if not leaving:
-            then = self._node(f"{name}: then", node, kind="runner", interface=TICK)
-            self._connect(signal, then)
-            self.done[node.index] = [then]
-            return
-        now = self._choice(f"{name}: all regions are done", node)
-        later = self._choice(f"{name}: they may be done later", node)
-        self._connect(signal, now)
-        self._connect((now, Event.FAILED), later)
-        self._connect((later, Event.SUCCEEDED), now)
-        self.done[node.index] = [now, later]
+        chart, name = self.chart, self.chart.name(node)
+        joins = [self.joins[node.index]] if node.index in self.joins else []
+        signals = [(each, Event.SUCCEEDED) for each in joins]
+        if node.tag == "parallel" and any(
+            each.tag == "parallel" or chart.live(each) for each in chart.inside(node)
+        ):
+            then = self._add(node, node, f"{name}: all regions are done", signals)
+            self._over(then, node, "parallel", Cause.ORDER)
+            self._connect([(then, Event.FAILED)], self._perhaps(node, node, then))
+        else:
+            then = self._add(node, node, f"{name}: then", signals, TICK)
+            if self._is_disturbed(node):
+                self._over(then, node, "done.state", Cause.ORDER)
+        self.done[node.index] = then
 
-    def _choice(self, of: str, place: TreeNode) -> str:
-        return self._node(
-            of, place, kind="runner", interface=CHOICE, parameters={"of": clip(of, _LONGEST)}
-        )
+    def _add(
+        self, node: TreeNode, place: TreeNode, of: str, signals: list[Signal], kind: str = CHOICE
+    ) -> str:
+        """A choice or tick that follows signals, and is stopped when the state is left."""
+        parameters = {"of": clip(of, _LONGEST)} if kind == CHOICE else {}
+        name = self._node(of, place, kind="runner", interface=kind, parameters=parameters)
+        self.added.setdefault(node.index, []).append(name)
+        self._connect(signals, name)
+        return name
 
-    def _connect(self, signal: Signal, target: str, action: str = "trigger") -> None:
-        self.graph.add_edge(signal[0], target, event=signal[1].value, action=action)
+    def _connect(self, signals: list[Signal], target: str, action: str = "trigger") -> None:
+        for source, event in signals:
+            if (source, action) != (target, "stop"):  # whoever emits it has ended
+                self.graph.add_edge(source, target, event=event.value, action=action)
 
     # -- entering ---------------------------------------------------------------------------
 
@@ -218,7 +272,7 @@ class _Reader:
                 node = ended.pop(0)
                 done = self._ended(node)
                 if done is not None:
-                    around = self._parent(node)
+                    around = self.chart.parent(node)
                     self.left.clear()
                     pending = list(reversed(self._moved(around, done)))
                     ended = [each for each in ended if not self._is_left(each)]
@@ -233,13 +287,12 @@ class _Reader:
             elif node.tag == "final":
                 ended.append(node)
             elif node.tag == "parallel":
-                pending += reversed(self._inside(node))
+                pending += reversed(self.chart.inside(node))
             else:
                 pending += reversed(self._arrived(node, self._initial(node)))
         for target, actions in self.effects.items():
             for action in sorted(actions):
-                if (signal[0], action) != (target, "stop"):  # whoever emits it has ended
-                    self._connect(signal, target, action)
+                self._connect([signal], target, action)
         self.effects.clear()
 
     def _trigger(self, name: str) -> None:
@@ -247,7 +300,7 @@ class _Reader:
 
     def _is_left(self, node: TreeNode) -> bool:
         """True for what lies in a state that the last transition has left."""
-        return any(each.index in self.left for each in self._outwards(node))
+        return any(each.index in self.left for each in self.chart.outwards(node))
 
     def _begin(self, node: TreeNode) -> None:
         """A state around others becomes active: its watchers start, its join forgets."""
@@ -263,7 +316,7 @@ class _Reader:
         """
         around: dict[int, TreeNode] = {}
         for target in targets:
-            for each in self._outwards(self._parent(target)):
+            for each in self.chart.outwards(self.chart.parent(target)):
                 if each.index == domain.index:
                     break
                 around[each.index] = each
@@ -272,118 +325,161 @@ class _Reader:
         for _, each in sorted(around.items()):
             self._begin(each)
             if each.tag == "parallel":
-                whole += (child for child in self._inside(each) if child.index not in inner)
+                whole += (child for child in self.chart.inside(each) if child.index not in inner)
         return sorted(whole, key=lambda each: each.index)
 
     def _initial(self, node: TreeNode) -> list[TreeNode]:
         names = node.text("initial").split()
         for each in self.elements.children(node):
             if each.tag == "initial":
-                names = [
-                    name
-                    for transition in self._transitions(each)
-                    for name in transition.text("target").split()
-                ]
-        return [self.ids[name] for name in names] if names else self._inside(node)[:1]
+                names = self.chart.transitions(each)[0].text("target").split()
+        return [self.chart.ids[name] for name in names] if names else self.chart.inside(node)[:1]
 
     def _ended(self, final: TreeNode) -> TreeNode | None:
         """A final state was entered: the run ends, or a transition of the state around it follows.
 
         The others of its transitions stay: it is active, in its final state.
         """
-        around = self._parent(final)
+        around = self.chart.parent(final)
         if around is self.root:
-            self._trigger("give_up" if is_failure(self._name(final)) else "complete")
+            self._trigger("give_up" if is_failure(self.chart.name(final)) else "complete")
             return None
-        outer, done = self._parent(around), self._done(around)
-        if done is None and outer.tag == "parallel":
-            self._trigger(self.joins[outer.index])
-        return done
+        if self._outer_join(around):
+            self._arrive(around, self._outer_join(around))
+        for each in self.chart.outwards(around):
+            if each.index in self.marks and (each is around or each.tag == "parallel"):
+                self._trigger(self.marks[each.index])
+        if around.index in self.done:
+            self._trigger(self.done[around.index])
+            return None
+        rows = self._done_rows(around)
+        return rows[0] if rows else None
 
-    def _done(self, node: TreeNode) -> TreeNode | None:
-        """The transition on ``done.state`` of a state, if it leads anywhere."""
-        for each in self._transitions(node):
-            if _is_done(each, self._name(node)):
-                return each if each.text("target") else None
-        return None
+    def _arrive(self, region: TreeNode, join: str) -> None:
+        """A region is done; a second one at the same time has a connection of its own."""
+        if "trigger" in self.effects.get(join, ()):
+            name = f"{self.chart.name(region)}: done"
+            extra = self._node(name, region, kind="join", need=1)
+            self._connect([(extra, Event.SUCCEEDED)], join)
+            self.extras.setdefault(join, []).append(extra)
+            join = extra
+        self._trigger(join)
 
     # -- leaving ----------------------------------------------------------------------------
 
     def _leave(self, node: TreeNode) -> None:
-        name = self._name(node)
         if node.index in self.runner:
             self._outcomes(node, self.runner[node.index])
-        watchers = self.watchers.get(node.index, [])
-        watched = [each for each in self._transitions(node) if not _is_done(each, name)]
-        for watcher, transition in zip(watchers, watched, strict=False):  # atomic states have none
-            self._take((watcher, Event.SUCCEEDED), node, transition)
-        done = self._done(node)
-        if node.index in self.done and done is not None:
-            self._take((self.done[node.index][0], Event.SUCCEEDED), node, done)
+        watchers = self.watchers.get(node.index, ())  # atomic states have none
+        for watcher, row in zip(watchers, self._watched(node), strict=False):
+            signals: list[Signal] = [(watcher, Event.SUCCEEDED)]
+            if row.text("cond"):
+                choice = self._alternative(node, row, signals)
+                self._connect([(choice, Event.FAILED)], watcher)
+                signals = [(choice, Event.SUCCEEDED)]
+            elif row.text("event") and not self.chart.is_private(node, row):
+                signals = self._step(node, row, signals)
+            self.taken.append((signals, node, row))
+            if not row.text("target") or self.chart.domain_of(node, row) is node:
+                self._connect(signals, watcher)  # it stays active, and so does its watcher
+        if node.index in self.done:
+            signals = [(self.done[node.index], Event.SUCCEEDED)]
+            for row in self._done_rows(node):
+                taken = signals
+                if row.text("cond"):
+                    choice = self._alternative(node, row, signals)
+                    taken, signals = [(choice, Event.SUCCEEDED)], [(choice, Event.FAILED)]
+                self.taken.append((taken, node, row))
+
+    def _step(self, node: TreeNode, row: TreeNode, signals: list[Signal]) -> list[Signal]:
+        """A moment before a transition whose event is taken elsewhere too, or never comes."""
+        name = f"{self.chart.name(node)}: on {row.text('event')}"
+        step = self._add(node, row, name, signals, TICK)
+        self._over(step, row, "event", self._cause(row))
+        return [(step, Event.SUCCEEDED)]
 
     def _outcomes(self, node: TreeNode, runner: str) -> None:
         """The transitions of an atomic state: by two events, and choices where there are more."""
-        rows = self._transitions(node)
+        rows = self.chart.live(node)
         failures = [each for each in rows if is_failure(each.text("event"))]
         others = [each for each in rows if each not in failures]
-        if not rows:
+        both: list[Signal] = [(runner, Event.SUCCEEDED), (runner, Event.FAILED)]
+        mixed = failures and others
+        if rows and not mixed and (len(rows) == 1 or not self._is_sure(rows[0])):
+            self._among(both, node, rows)
+        elif rows:
+            if not mixed:
+                others, failures = rows[:1], rows[1:]
+            self._among(both[:1], node, others)
+            self._among(both[1:], node, failures)
+
+    def _among(self, signals: list[Signal], node: TreeNode, rows: list[TreeNode]) -> None:
+        """One of several transitions of an atomic state: first those that are exact.
+
+        Where no condition holds, an unconditional one follows, or the state waits on.
+        """
+        sure = [each for each in rows if self._is_sure(each)]
+        firm = [each for each in sure if self.chart.is_private(node, each)]
+        order = [*firm, *(each for each in rows if each not in firm)]
+        exact = True
+        for each in order:
+            taken = signals
+            if each not in sure or each is not order[-1]:
+                choice = self._alternative(node, each, signals, marked=exact and each not in firm)
+                taken, signals = [(choice, Event.SUCCEEDED)], [(choice, Event.FAILED)]
+                exact = exact and each in firm
+            elif exact and each not in firm and each.text("event"):
+                taken = self._step(node, each, signals)
+            self.taken.append((taken, node, each))
+        if order[-1] in sure:
             return
-        if not failures or not others:
-            others, failures = (rows[:1], rows[1:]) if len(rows) > 1 else (rows, rows)
-        for event, transitions in ((Event.SUCCEEDED, others), (Event.FAILED, failures)):
-            signal: Signal = (runner, event)
-            for number, each in enumerate(transitions):
-                taken = signal
-                if each.text("cond"):
-                    choice = self._choice(f"{self._name(node)}: {each.text('cond')}", each)
-                    self._connect(signal, choice)
-                    taken, signal = (choice, Event.SUCCEEDED), (choice, Event.FAILED)
-                    if number == len(transitions) - 1:
-                        self._connect(signal, runner)  # it stays, and waits for the next event
-                elif number < len(transitions) - 1:
-                    choice = self._choice(f"{self._name(node)}: {each.text('event')}", each)
-                    self._connect(signal, choice)
-                    taken, signal = (choice, Event.SUCCEEDED), (choice, Event.FAILED)
-                self._take(taken, node, each)
+        runner = self.runner[node.index]
+        if sure:
+            self.taken.append((signals, node, sure[-1]))
+        elif any(not each.text("event") or self.chart.external(each) for each in rows):
+            self._connect(signals, runner)  # it stays, and waits for the next event
+        else:
+            self._connect(signals, self._perhaps(node, order[-1], runner))
 
-    def _take(self, signal: Signal, source: TreeNode, transition: TreeNode) -> None:
+    def _is_sure(self, row: TreeNode) -> bool:
+        """True for a transition that is taken as soon as the environment says so."""
+        return not row.text("cond") and (not row.text("event") or bool(self.chart.external(row)))
+
+    def _alternative(
+        self, node: TreeNode, row: TreeNode, signals: list[Signal], *, marked: bool = True
+    ) -> str:
+        """A choice between a transition and what comes if it is not taken."""
+        cond = row.text("cond")
+        name = f"{self.chart.name(node)}: {cond or row.text('event')}"
+        choice = self._add(node, row, name, signals)
+        if cond:
+            self._over(choice, row, "cond", Cause.VALUE)
+        elif marked:
+            self._over(choice, row, "event", self._cause(row))
+        return choice
+
+    def _cause(self, row: TreeNode) -> Cause:
+        return Cause.ORDER if self.chart.external(row) else Cause.EVENTS
+
+    def _take(self, signals: list[Signal], source: TreeNode, row: TreeNode) -> None:
         """A transition: what it leaves is stopped, and its targets are entered."""
-        if transition.text("target"):
-            self._go(signal, self._moved(source, transition))
-        elif source.index in self.runner:  # the state stays as it is
-            self._go(signal, [source])
+        for signal in signals:
+            if row.text("target"):
+                self._go(signal, self._moved(source, row))
+            elif source.index in self.runner:  # the state stays as it is
+                self._go(signal, [source])
 
-    def _moved(self, source: TreeNode, transition: TreeNode) -> list[TreeNode]:
+    def _moved(self, source: TreeNode, row: TreeNode) -> list[TreeNode]:
         """The states that a transition enters; those that it leaves are stopped."""
-        targets = [self.ids[name] for name in transition.text("target").split()]
-        domain, left = self._domain(source, transition, targets), [source]
+        targets = self.chart.targets(row)
+        domain, left = self.chart.domain_of(source, row), [source]
         if domain.index == source.index:
-            left = self._inside(source)
-        while self._parent(left[0]).index != domain.index:
-            left = [self._parent(left[0])]
+            left = self.chart.inside(source)
+        while self.chart.parent(left[0]).index != domain.index:
+            left = [self.chart.parent(left[0])]
         for each in left:
             self._stop(each)
         return self._arrived(domain, targets)
-
-    def _domain(self, source: TreeNode, transition: TreeNode, targets: list[TreeNode]) -> TreeNode:
-        """The innermost state around source and targets, which stays active (W3C, 3.13).
-
-        It is the source itself for an internal transition to states within it.
-        """
-        inner = transition.text("type") == "internal" and source.tag == "state"
-        for each in self._outwards(source if inner else self._parent(source)):
-            if each.tag != "parallel" and all(
-                each.index in {other.index for other in self._outwards(self._parent(target))}
-                for target in targets
-            ):
-                return each
-        return self.root
-
-    def _outwards(self, node: TreeNode) -> Iterator[TreeNode]:
-        while node.index != self.root.index:
-            yield node
-            node = self._parent(node)
-        yield self.root
 
     def _stop(self, node: TreeNode) -> None:
         """All that is active in a state is stopped, and its end counts no more."""
@@ -392,18 +488,15 @@ class _Reader:
         while pending:
             each = pending.pop()
             names = [self.runner[each.index]] if each.index in self.runner else []
-            for row in (self.watchers, self.done):
+            for row in (self.watchers, self.added):
                 names += row.get(each.index, ())
             for name in names:
                 self.effects[name] = {"stop"}
             if each.index in self.joins:
-                self.effects.pop(self.joins[each.index], None)
-            pending += self._inside(each)
-
-
-def _is_done(transition: TreeNode, name: str) -> bool:
-    events = transition.text("event").split()
-    return any(each in (f"done.state.{name}", "done.state", "done.state.*") for each in events)
+                join = self.joins[each.index]
+                for name in (join, *self.extras.get(join, ())):
+                    self.effects.pop(name, None)
+            pending += self.chart.inside(each)
 
 
 # -- writing -----------------------------------------------------------------------------------

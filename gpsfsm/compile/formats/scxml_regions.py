@@ -7,29 +7,82 @@ run.
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.compile.formats import CannotSayError
 from gpsfsm.compile.formats.elements import Elements, place_of
+from gpsfsm.compile.formats.scxml_writing import NAMESPACE, OWN_NAMESPACE, write_regions
 from gpsfsm.compile.machines import Place, ReadMachine, machine_of
 from gpsfsm.model.event import Event
+from gpsfsm.model.printable import clip
 from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
+    from gpsfsm.compile.units import MachinePlan
     from gpsfsm.model.tree import TreeNode
+    from gpsfsm.syntax.source import Limits
 
 _EVENTS = {each.value.lower(): each for each in Event}
 _ENDS = {"completed": "complete", "gave_up": "give_up"}
+_INPUT = re.compile(r"_in\d+$")
 _BEGIN = "begin"
+_OWN = ("gpsfsm:interface", "gpsfsm:provider", "gpsfsm:parameters")
 
 
-def read_regions(elements: Elements, file: str) -> ReadMachine:
+def read_regions(elements: Elements, file: str, limits: Limits) -> ReadMachine:
     """The machine of a statechart of regions, or what is wrong with it."""
     reader = _Reader(elements)
     if elements.problems:
         return None, tuple(elements.problems)
-    return machine_of(
+    machine, problems = machine_of(
         reader.graph, file=file, places=reader.places, approximations=elements.skipped
     )
+    if machine is not None:
+        _compare(reader, machine, limits)
+    return (None, tuple(elements.problems)) if elements.problems else (machine, problems)
+
+
+def _compare(reader: _Reader, machine: MachinePlan, limits: Limits) -> None:
+    """Report what a text says besides what gpsfsm writes of the machine that was read of it."""
+    names = [machine.path(node.origin) for node in machine.automaton.nodes]
+    table: dict[object, int] = {}
+    try:
+        text = write_regions(machine.automaton, [each.removeprefix("/machine/") for each in names])
+    except CannotSayError:
+        text = f'<scxml xmlns="{NAMESPACE}"/>'
+    written = set(_forms(Elements(text, limits, NAMESPACE, OWN_NAMESPACE), table))
+    forms = _forms(reader.elements, table)
+    for node, form in zip(reader.elements.nodes, forms, strict=True):
+        if form not in written and all(forms[child] in written for child in node.children):
+            reader.fault(
+                node, f"gpsfsm does not write this <{clip(node.tag, 60)}> as it stands here"
+            )
+            break
+
+
+def _forms(elements: Elements, table: dict[object, int]) -> list[int]:
+    """A number for each element; the same for equal ones, whatever the order of what is in them.
+
+    The inputs of a join are numbered in any order, so their own names count as one.
+    """
+    inputs: list[str] = []
+    for node in elements.nodes:
+        own = node.text("id") if elements.nodes[node.parent].tag == "parallel" else ""
+        inputs.append(own or (inputs[node.parent] if node.parent >= 0 else ""))
+    forms = [0] * len(elements.nodes)
+    for node in reversed(elements.nodes):
+        name = inputs[node.index]
+        same = (name, f"{name}_wait", f"{name}_come") if _INPUT.search(name) else ()
+        rows = sorted(
+            (each.name, each.text.removeprefix(name) if each.text in same else each.text)
+            for each in node.attributes
+            if each.name not in _OWN
+        )
+        children = sorted(forms[child] for child in node.children)
+        key = (node.tag, tuple(rows), tuple(children))
+        forms[node.index] = table.setdefault(key, len(table) + 1)
+    return forms
 
 
 def runner_of(elements: Elements, node: TreeNode, name: str) -> dict[str, Any]:
@@ -64,9 +117,11 @@ class _Reader:
             self._node(kind, root, kind=kind)
         runs = [each for each in elements.children(root) if each.tag == "parallel"]
         if len(runs) != 1:
-            self._fault(root, "there is not exactly one <parallel> right inside <scxml>")
+            self.fault(root, "there is not exactly one <parallel> right inside <scxml>")
             return
         regions = elements.children(runs[0])
+        if not regions or regions[0].text("gpsfsm:kind") != "end":
+            self.fault(runs[0], "the region that ends the run is not the first one")
         for region in regions:
             self._declare(region)
         if elements.problems:
@@ -84,13 +139,14 @@ class _Reader:
         if end:
             self._edge(_BEGIN, Event.SUCCEEDED, end)
 
-    def _fault(self, node: TreeNode, message: str) -> None:
+    def fault(self, node: TreeNode, message: str) -> None:
+        """Something is not as gpsfsm writes it."""
         hint = "write the file again, or leave out gpsfsm:form to read it as ordinary SCXML"
         self.elements.fault(node, message, hint)
 
     def _node(self, name: str, node: TreeNode, **data: Any) -> None:
         if name in self.graph:
-            self._fault(node, f"there are two regions {name!r}")
+            self.fault(node, f"there are two regions {name!r}")
         self.graph.add_node(name, **data)
         self.places[name] = place_of(node)
 
@@ -113,10 +169,10 @@ class _Reader:
             inside = self.elements.children(children[0]) if self._all(region) else children
             need = sum(child.tag == "state" for child in inside)
             if not need:
-                self._fault(region, "there is no state in this join")
+                self.fault(region, "there is no state in this join")
             self._node(name, region, kind="join", need=max(need, 1))
         elif kind != "end":
-            self._fault(region, "this region has no gpsfsm:kind of runner, join or end")
+            self.fault(region, "this region has no gpsfsm:kind of runner, join or end")
 
     def _runner(self, region: TreeNode) -> None:
         name = region.text("id")
@@ -172,7 +228,7 @@ class _Reader:
                 source, event = word.removesuffix("_all"), Event.SUCCEEDED
             if source not in self.graph or event is None or not target:
                 message = f"no region has the event {text!r}" if target else "no end has this name"
-                self._fault(transition, message)
+                self.fault(transition, message)
             else:
                 self._edge(source, event, target, action)
 

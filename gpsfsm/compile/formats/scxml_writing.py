@@ -43,9 +43,9 @@ _WORDS: Final = {each: each.value.lower() for each in Event}
 _ENDS: Final = ((NodeKind.GIVE_UP, "gave_up"), (NodeKind.COMPLETE, "completed"))
 
 
-def write_regions(automaton: Automaton) -> str:
-    """The automaton as SCXML. Raises CannotSayError."""
-    return _Writer(automaton).text()
+def write_regions(automaton: Automaton, ids: list[str] | None = None) -> str:
+    """The automaton as SCXML, with these ids of nodes. Raises CannotSayError."""
+    return _Writer(automaton, ids_of(automaton) if ids is None else ids).text()
 
 
 def ids_of(automaton: Automaton) -> list[str]:
@@ -74,10 +74,10 @@ def own_of(element: Element) -> dict[str, str]:
 
 
 class _Writer:
-    def __init__(self, automaton: Automaton) -> None:
+    def __init__(self, automaton: Automaton, ids: list[str]) -> None:
         self.automaton = automaton
         self.lines: list[str] = []
-        self.ids = ids_of(automaton)
+        self.ids = ids
         self.stops: dict[int, dict[Signal, None]] = {}  # by node: what stops it
         for source, event, target in automaton.stops:
             if source not in automaton.starts:  # nothing is active yet

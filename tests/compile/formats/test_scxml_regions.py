@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -115,6 +116,50 @@ def test_a_lost_transition_is_seen() -> None:
     lost = '<transition event="RobotPoseRunner_5.succeeded" target="PromptPoseRunner_6_active"/>'
     assert lost in text
     assert str(gpsfsm.diff(path, text.replace(lost, ""))) != "the plans do the same"
+
+
+def elements_of(automaton: Automaton) -> list[object]:
+    return [
+        [(node.kind, node.need) for node in automaton.nodes],
+        sorted(automaton.edges),
+        sorted(automaton.stops),
+        [(each.interface, each.provider, dict(each.parameters)) for each in automaton.plan.runners],
+    ]
+
+
+@pytest.mark.parametrize("name", ["night_guard.xml", "door.json"])
+def test_whatever_is_changed_in_a_written_text_is_refused_or_seen(name: str) -> None:
+    path = ROOT / ("docs/examples" if name.endswith("json") else "corpus/plans") / name
+    text = write(back(path.read_text(encoding="utf-8")))
+    before = elements_of(back(text))
+    lines = text.splitlines(keepends=True)
+    chance = random.Random(3)  # noqa: S311
+    for _ in range(many(120)):
+        at = chance.randrange(1, len(lines))
+        change = chance.choice(CHANGES)
+        changed = "".join((*lines[:at], change(lines[at]), *lines[at + 1 :]))
+        if changed == text:
+            continue
+        parsed = read_plan_or_machine(changed, file="back.scxml")
+        if parsed.plan is None:
+            assert parsed.problems
+        else:
+            assert elements_of(compile_plan(parsed.plan).automaton) != before, changed
+
+
+CHANGES = (
+    lambda line: line.replace("<transition ", '<transition cond="x" '),
+    lambda line: line.replace("<transition ", '<transition type="internal" '),
+    lambda line: line.replace("succeeded", "failed", 1),
+    lambda line: line.replace('event="', 'event="* ', 1),
+    lambda line: re.sub(r' event="[^"]*"', "", line),
+    lambda line: line.replace("_idle", "_active", 1),
+    lambda line: line.replace(">", ' x:y="1" xmlns:x="urn:x">', 1),
+    lambda line: line.replace("/>", "><log/></transition>", 1) if "<transition" in line else line,
+    lambda line: "" if "<transition" in line and "/>" in line else line,
+    lambda line: f'{line}<transition target="completed"/>' if "<state" in line else line,
+    lambda line: f'<x:state xmlns:x="urn:x"/>{line}',
+)
 
 
 @given(plans(max_runners=8))
