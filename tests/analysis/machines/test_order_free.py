@@ -2,33 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpsfsm.analysis.constraints import Constraints
+from gpsfsm.analysis.constraints import constraints_under
+from gpsfsm.analysis.definitions import Definitions
 from gpsfsm.analysis.machines.decide import Answers, Judge
 from gpsfsm.analysis.machines.findings import Findings
 from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
+from gpsfsm.analysis.machines.plain import Plain
 from gpsfsm.analysis.machines.search import Exploration
-from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking.machine_check import require_agreement
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.instants import GOING
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.errors import InternalError
-from gpsfsm.model.event import Outcome
 from gpsfsm.model.report import Frequency
 from tests.analysis.machines.random_machines import (
     PLAIN,
     automaton_of,
     machine,
+    options_of,
     order_free_machines,
     outcomes,
 )
 from tests.cases import many
+
+if TYPE_CHECKING:
+    from gpsfsm.model.event import Outcome
 
 
 def answers_of(graph: Any, allowed: list[frozenset[Outcome]] | None = None) -> Answers | None:
@@ -37,12 +41,16 @@ def answers_of(graph: Any, allowed: list[frozenset[Outcome]] | None = None) -> A
     assert plan is not None, problems
     compiled = compile_plan(plan)
     outcomes_of = tuple(allowed or [PLAIN] * len(compiled.automaton.runners))
-    constraints = Constraints(outcomes_of, hang=any(Outcome.HANG in each for each in outcomes_of))
-    answers = OrderFree(compiled, constraints, AnalysisOptions()).answers()
+    names = [plan.path(each).removeprefix("/machine/") for each in plan.runners]
+    options = options_of(names, outcomes_of)
+    constraints = constraints_under(options, compiled)
+    assert constraints.allowed == outcomes_of
+    answers = OrderFree(compiled, constraints, options).answers()
     if answers is not None:
+        plain = Plain(compiled.automaton, Definitions(compiled, options), by_scenario=True)
         scenarios = [
             (finding.rule, finding.scenario.ends.value)
-            for finding in Findings(answers, compiled.automaton, 100).all()
+            for finding in Findings(answers, plain, 100).all()
             if finding.scenario is not None
         ]
         assert {end for rule, end in scenarios if rule == "GP305"} <= {"GAVE_UP"}
