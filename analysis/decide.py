@@ -8,6 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.decisions import analyses
+from gpsfsm.analysis.decisions.completion import frequency
+from gpsfsm.analysis.definitions import Definitions
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import Budget, Purse
 from gpsfsm.analysis.proof.prove import prove
@@ -15,10 +17,11 @@ from gpsfsm.analysis.solver import InconclusiveError, Solver
 from gpsfsm.analysis.structure import Structure
 from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.compile import TreePlan
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import PAPER
-from gpsfsm.model.report import By, Facts, Proof
+from gpsfsm.model.event import End
+from gpsfsm.model.report import By, Facts, Frequency, Proof
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,6 +29,10 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.compile import Compiled
+
+
+ALL_PLAYED = 500
+"""Scenarios up to which all are played, where options say which there are."""
 
 
 class Deciders:
@@ -62,6 +69,11 @@ class Deciders:
             return False
         tree = isinstance(self.compiled.automaton.plan, TreePlan)
         return tree or not self.constraints.no_start  # which chains the units of a plan
+
+    @cached_property
+    def definitions(self) -> Definitions:
+        """The options as they are defined."""
+        return Definitions(self.compiled, self.options)
 
     @cached_property
     def clock(self) -> Clock | None:
@@ -137,9 +149,50 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
     """Decide everything about a compiled plan.
 
     Raises UsageError if the structural pass is asked for where it is not exact, and InternalError
-    if it disagrees with z3.
+    if it disagrees with z3, or either with what a few scenarios show by the options' definitions.
     """
-    deciders = Deciders(compiled, constraints, options)
+    decided = _decided(Deciders(compiled, constraints, options))
+    _require_definitions(decided)
+    return decided
+
+
+def _require_definitions(decided: Decided) -> None:
+    """Raise InternalError where playing all scenarios says otherwise, if they are not many."""
+    deciders, answers = decided.deciders, decided.answers
+    automaton = deciders.compiled.automaton
+    if deciders.definitions.plain or automaton.traits != PAPER:
+        return
+    ends: set[End] = set()
+    triggered: set[int] = set()
+    try:
+        for outcomes in deciders.definitions.scenarios(ALL_PLAYED):
+            run = deciders.evaluator.run(outcomes.__getitem__)
+            ends.add(run.ends)
+            triggered.update(run.triggered)
+    except InconclusiveError:
+        return
+    if decided.contradictory is not (not ends):
+        raise InternalError("two ways to decide disagree on whether the options contradict")
+    wanted = {
+        "completion": tuple(
+            frequency(end in ends, ends != {end}) for end in (End.COMPLETED, End.GAVE_UP)
+        ),
+        "stuck": (frequency(End.STUCK in ends, ends != {End.STUCK}), *(Frequency.NEVER,) * 2),
+        "reachability": tuple(
+            number for number, node in enumerate(automaton.runners) if node.index not in triggered
+        ),
+    }
+    for name, answer in wanted.items() if ends else ():
+        known = answers[name]
+        if current is not None and current != answer:
+            raise InternalError(
+                f"two ways to decide disagree on '{name}': {current}, and all scenarios: {answer}"
+            )
+
+
+def _decided(deciders: Deciders) -> Decided:
+    """Decide everything, by the way that fits."""
+    options = deciders.options
     if options.solver == "structural" and deciders.structure is None:
         raise UsageError(
             "the structural pass decides independent outcomes only; with --consistent, --faults, "

@@ -12,6 +12,9 @@ an assumption is the formula that was written, with the truth values that open o
 
 from __future__ import annotations
 
+from functools import cached_property
+from itertools import product
+from math import prod
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.options import InconclusiveError
@@ -30,7 +33,7 @@ if TYPE_CHECKING:
 MAX_TRIES = 2_000
 """Partial scenarios that are looked at before a question is left open."""
 
-Known = dict[int, Outcome]
+Settled = dict[int, Outcome]
 """Outcomes by the number of their instance; all others are open."""
 
 
@@ -88,10 +91,23 @@ class Definitions:
 
             yield from map(runners, self.formulas)
 
+    @cached_property
+    def plain(self) -> bool:
+        """True if every instance succeeds or fails, and no option says more."""
+        usual = {Outcome.SUCCEEDED, Outcome.FAILED}
+        free = not (self.formulas or self.consistent)
+        return free and all(outcomes == usual for outcomes in self.outcomes)
+
     def admit(self, outcomes: Sequence[Outcome]) -> bool:
         """True if this scenario obeys all options."""
-        known = dict(enumerate(outcomes))
-        return self._may_be(known) and self._may_hold(known)
+        return (
+            all(map(set.__contains__, self.outcomes, outcomes))
+            and all(
+                len({outcomes[number] for number in members}) == 1
+                for members in {*self.equals.values()}
+            )
+            and (not self.formulas or self._may_hold(dict(enumerate(outcomes))))
+        )
 
     def contradictory(self) -> bool:
         """True if there is no scenario. Raises InconclusiveError at a limit."""
@@ -100,10 +116,10 @@ class Definitions:
             all(self.outcomes) and all(set.intersection(*row) for row in rows) and self.admits({})
         )
 
-    def admits(self, known: Mapping[int, Outcome]) -> bool:
+    def admits(self, settled: Mapping[int, Outcome]) -> bool:
         """True if some scenario has these outcomes. Raises InconclusiveError at a limit."""
         spoken = sorted(frozenset().union(*self.spoken()))
-        start = self._extended({}, known)
+        start = self._extended({}, settled)
         pending = [] if start is None else [start]
         for _ in range(MAX_TRIES):
             if not pending:
@@ -120,43 +136,40 @@ class Definitions:
                     pending.append(extended)
         raise InconclusiveError
 
-    def scenarios(self, most: int) -> Iterator[list[Outcome]]:
+    def scenarios(self, most: int) -> Iterator[tuple[Outcome, ...]]:
         """All scenarios. Raises InconclusiveError if there are more than so many combinations."""
-        from itertools import product
-        from math import prod
-
         if prod(map(len, self.outcomes)) > most:
             raise InconclusiveError
         for outcomes in product(*map(sorted, self.outcomes)):
             if self.admit(outcomes):
-                yield list(outcomes)
+                yield outcomes
 
-    def _extended(self, known: Known, more: Mapping[int, Outcome]) -> Known | None:
+    def _extended(self, settled: Settled, more: Mapping[int, Outcome]) -> Settled | None:
         """These outcomes and more, with those of equal actions; None if they cannot be."""
-        extended = dict(known)
+        extended = dict(settled)
         for number, outcome in more.items():
             for other in self.equals.get(number, (number,)):
                 if extended.setdefault(other, outcome) is not outcome:
                     return None
         return extended if self._may_be(extended) else None
 
-    def _may_be(self, known: Mapping[int, Outcome]) -> bool:
+    def _may_be(self, settled: Mapping[int, Outcome]) -> bool:
         """True if each is an outcome of its instance, and the same for all of equal actions."""
         return all(
             outcome in self.outcomes[number]
-            and known.get(self.equals.get(number, (number,))[0], outcome) is outcome
-            for number, outcome in known.items()
+            and settled.get(self.equals.get(number, (number,))[0], outcome) is outcome
+            for number, outcome in settled.items()
         )
 
-    def _may_hold(self, known: Mapping[int, Outcome]) -> bool:
+    def _may_hold(self, settled: Mapping[int, Outcome]) -> bool:
         def outcomes_of(number: int) -> Collection[Outcome]:
-            return (known[number],) if number in known else self.outcomes[number]
+            return (settled[number],) if number in settled else self.outcomes[number]
 
         return all(True in truths(formula, outcomes_of) for formula in self.formulas)
 
 
 def truths(formula: Formula, outcomes_of: Callable[[int], Collection[Outcome]]) -> set[bool]:
-    """The truth values that a formula may have; where each outcome is known, the one it has."""
+    """The truth values that a formula may have; where each outcome is settled, the one it has."""
     from gpsfsm.analysis.assumptions import formula as kinds
 
     if isinstance(formula, kinds.Constant):

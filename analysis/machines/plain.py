@@ -45,7 +45,7 @@ _UNSURE = -1
 
 
 class _Memory(NamedTuple):
-    """What has come so far: outcomes by instance, and by condition its answer, 0 for none."""
+    """The past of a run: outcomes by instance, and by condition its answer, 0 for none."""
 
     outcomes: tuple[tuple[int, int], ...] = ()
     answers: tuple[int, ...] = ()
@@ -63,11 +63,11 @@ class Plain(Successors):
         self.automaton = automaton
         self.definitions = definitions
         self.by_scenario = by_scenario
-        super().__init__(Instants(automaton), ())  # nothing is known of allowed outcomes
+        super().__init__(Instants(automaton), ())  # outcomes are asked for, not listed
         plan = automaton.plan
         self.ties: list[Tie] = []
         if definitions.consistent and isinstance(plan, TreeMachine):
-            self.ties = [tie for tie in plan.ties if self._is_asked_alike(tie)]
+            self.ties = [tie for tie in plan.ties if self._has_equal_outcomes(tie)]
         self._related = self._relations()
         self._after: dict[int, int] = {}  # by instance all that may act because of it, as bits
         self._memories = {_Memory((), (0,) * len(self.ties)): 0}
@@ -76,7 +76,7 @@ class Plain(Successors):
         self._configurations: list[Configuration] = []
         self._possible: dict[tuple[int, int], tuple[int, ...]] = {}
 
-    def _is_asked_alike(self, tie: Tie) -> bool:
+    def _has_equal_outcomes(self, tie: Tie) -> bool:
         """No assumption is about some of these conditions alone."""
         admitted = {
             tuple(o for o in Outcome if self.definitions.admits({number: o}))
@@ -125,10 +125,10 @@ class Plain(Successors):
             for tie, answer in zip(self.ties, memory.answers, strict=True)
             if number in tie.runners and answer > 0
         }
-        known = dict(memory.outcomes)
-        if not answers <= {code} or known.get(number, code) != code:
+        settled = dict(memory.outcomes)
+        if not answers <= {code} or settled.get(number, code) != code:
             return False
-        kept = known if self.by_scenario else {}
+        kept = settled if self.by_scenario else {}
         outcomes = {other: _OUTCOMES[each] for other, each in (kept | {number: code}).items()}
         return self.definitions.admits(outcomes)
 
@@ -198,13 +198,13 @@ class Plain(Successors):
         conditions is being asked.
         """
         after, events = instant.configuration, set(instant.events)
-        written = asked_before = False
+        written = answered_early = False
         for signal, earlier in tie.resets:
             if signal.node * 4 + CODES[signal.event] in events:
                 written = True
                 starts = (self.automaton.runner_node(each) * 4 + STARTED for each in earlier)
-                asked_before |= not events.isdisjoint(starts)
-        if before == _UNSURE or asked_before:
+                answered_early |= not events.isdisjoint(starts)
+        if before == _UNSURE or answered_early:
             return _UNSURE if any(after.active >> each & 1 for each in tie.runners) else 0
         busy = after.active | after.hanging | instant.moved
         if written or any(busy >> writer & 1 for writer in tie.writers):
