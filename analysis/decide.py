@@ -171,7 +171,8 @@ def _require_definitions(decided: Decided) -> None:
             triggered.update(run.triggered)
     except InconclusiveError:
         return
-    if decided.contradictory is not (not ends):
+    answered = any(answer is not None for answer in answers.values())
+    if (decided.contradictory and ends) or (answered and not ends):
         raise InternalError("two ways to decide disagree on whether the options contradict")
     wanted = {
         "completion": tuple(
@@ -183,7 +184,7 @@ def _require_definitions(decided: Decided) -> None:
         ),
     }
     for name, answer in wanted.items() if ends else ():
-        known = answers[name]
+        current = answers[name]
         if current is not None and current != answer:
             raise InternalError(
                 f"two ways to decide disagree on '{name}': {current}, and all scenarios: {answer}"
