@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 ALL_PLAYED = 500
-"""Scenarios up to which all are played, where options say which there are."""
+"""Scenarios, or configurations, up to which all are played where options say which there are."""
 
 
 class Deciders:
@@ -157,38 +157,71 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
 
 
 def _require_definitions(decided: Decided) -> None:
-    """Raise InternalError where playing all scenarios says otherwise, if they are not many."""
+    """Raise InternalError where the definitions of the options give other answers, if a few do."""
     deciders, answers = decided.deciders, decided.answers
-    automaton = deciders.compiled.automaton
-    if deciders.definitions.plain or automaton.traits != PAPER:
+    if deciders.definitions.plain or deciders.compiled.automaton.traits != PAPER:
         return
-    ends: set[End] = set()
-    triggered: set[int] = set()
-    try:
-        for outcomes in deciders.definitions.scenarios(ALL_PLAYED):
-            run = deciders.evaluator.run(outcomes.__getitem__)
-            ends.add(run.ends)
-            triggered.update(run.triggered)
-    except InconclusiveError:
-        return
-    answered = any(answer is not None for answer in answers.values())
-    if (decided.contradictory and ends) or (answered and not ends):
-        raise InternalError("two ways to decide disagree on whether the options contradict")
-    wanted = {
-        "completion": tuple(
-            frequency(end in ends, ends != {end}) for end in (End.COMPLETED, End.GAVE_UP)
-        ),
-        "stuck": (frequency(End.STUCK in ends, ends != {End.STUCK}), *(Frequency.NEVER,) * 2),
-        "reachability": tuple(
-            number for number, node in enumerate(automaton.runners) if node.index not in triggered
-        ),
-    }
-    for name, answer in wanted.items() if ends else ():
+    wanted: Mapping[str, Any] = {}
+    with suppress(InconclusiveError):
+        contradictory = deciders.definitions.contradictory()
+        answered = decided.contradictory or any(each is not None for each in answers.values())
+        if answered and contradictory is not decided.contradictory:
+            raise InternalError("two ways to decide disagree on whether the options contradict")
+        if not decided.contradictory:
+            played = _by_scenarios if deciders.constraints.no_start else _by_configurations
+            wanted = played(deciders)
+    for name, answer in wanted.items():
         current = answers[name]
+        if name == "dangling" and current is not None:
+            current = {each[:2] for each in current if each.effect == "give_up"}
         if current is not None and current != answer:
             raise InternalError(
-                f"two ways to decide disagree on '{name}': {current}, and all scenarios: {answer}"
+                f"two ways to decide disagree on '{name}': {current}, by definition {answer}"
             )
+
+
+def _by_scenarios(deciders: Deciders) -> dict[str, Any]:
+    """Answers of all scenarios, played. Raises InconclusiveError if they are many."""
+    ends: set[End] = set()
+    triggered: set[int] = set()
+    for outcomes in deciders.definitions.scenarios(ALL_PLAYED):
+        run = deciders.evaluator.run(outcomes.__getitem__)
+        ends.add(run.ends)
+        triggered.update(run.triggered)
+    completes, gives_up, stuck = (
+        frequency(end in ends, ends != {end}) for end in (End.COMPLETED, End.GAVE_UP, End.STUCK)
+    )
+    runners = deciders.compiled.automaton.runners
+    return {
+        "completion": (completes, gives_up),
+        "stuck": (stuck, Frequency.NEVER, Frequency.NEVER),
+        "reachability": tuple(n for n, node in enumerate(runners) if node.index not in triggered),
+    }
+
+
+def _by_configurations(deciders: Deciders) -> dict[str, Any]:
+    """Answers of all orders of events. Raises InconclusiveError if they are many."""
+    from gpsfsm.analysis.machines.decide import Judge
+    from gpsfsm.analysis.machines.plain import Plain
+    from gpsfsm.analysis.machines.search import Exploration
+
+    automaton = deciders.compiled.automaton
+    plain = Plain(automaton, deciders.definitions, by_scenario=True)
+    outcomes = deciders.definitions.outcomes
+    judge = Judge(Exploration(automaton, outcomes, limit=ALL_PLAYED, stepper=plain))
+    facts = judge.facts()
+    orphans = {} if judge.tree else {"orphans": tuple(number for number, _ in facts.orphans)}
+    return orphans | {
+        "completion": (facts.completes, facts.gives_up),
+        "stuck": (facts.stuck, Frequency.NEVER, Frequency.NEVER),
+        "reachability": facts.unreachable,
+        "fewest": facts.fewest_failures,
+        "dangling": {
+            (automaton.runner_number(each.signal.node), each.signal.event)
+            for each in facts.dangling
+            if each.effect == "give_up"
+        },
+    }
 
 
 def _decided(deciders: Deciders) -> Decided:

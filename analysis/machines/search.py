@@ -115,7 +115,7 @@ class Exploration:
 
     def instead(self, at: int, number: int, outcome: int) -> int:
         """The configuration that this outcome leads to, whether it can occur or not."""
-        for step in self.steps[at]:
+        for step in () if self._successors.by_scenario else self.steps[at]:
             if (step.number, step.outcome) == (number, outcome):
                 return step.target
         key = (at, number, outcome)

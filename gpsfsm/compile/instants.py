@@ -341,8 +341,11 @@ class Successors:
     """The steps of a machine from configurations that are packed into numbers.
 
     From its lowest bits on, a number has ``Configuration``'s active, hanging (if that can be),
-    arrived, fired, ended and said.
+    arrived, fired, ended and said. ``by_scenario``: an outcome that is compared with only is none
+    of the steps.
     """
+
+    by_scenario = False
 
     def __init__(self, instants: Instants, allowed: Sequence[Sequence[int]]) -> None:
         self.instants = instants
