@@ -18,6 +18,7 @@ at which the run completes, ``c3`` and ``d3`` the same for *at* it or before: at
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
@@ -137,7 +138,7 @@ class OrderFree:
         both, is_stuck, is_not_stuck = self.solver.decide(
             [conjunction(ends), stuck, negation(stuck)]
         )
-        if both:
+        if both or self._ends_twice():
             return None
         completes, gives_up = completion.by_solver(self.solver)
         shown = {
@@ -165,6 +166,28 @@ class OrderFree:
             configurations=0,
         )
 
+    def _ends_twice(self) -> bool:
+        """True if both ends come where an event is compared with the other outcome.
+
+        That need not obey the options. Without these, both ends seldom come: one question.
+        """
+        usual = frozenset((Outcome.SUCCEEDED, Outcome.FAILED))
+        allowed = tuple(outcomes | usual for outcomes in self.constraints.allowed)
+        free = replace(self.constraints, allowed=allowed, groups=(), formulas=())
+        if free == self.constraints:
+            return False
+        ends = (self.automaton.complete, self.automaton.give_up)
+        solver = Solver(self.compiled, free, rlimit=self.rlimit, purse=self.budget.deciding)
+        if not solver.decide([conjunction(map(solver.encoding.triggered, ends))])[0]:
+            return False
+        terms: list[str] = []
+        for number, event, _ in dangling_events.by_solver(self.solver):
+            signal = Signal(self.automaton.runner_node(number), event)
+            variant = self._otherwise(self.solver, signal)
+            both = map(variant.triggered, ends)
+            terms.append(conjunction((self.encoding.happens(signal), *both)))
+        return any(self.solver.decide(terms))
+
     # -- events that lead nowhere -----------------------------------------------------------
 
     def _dangling(self) -> Iterator[DanglingAt]:
@@ -185,14 +208,19 @@ class OrderFree:
 
     def _ending_otherwise(self, solver: Solver, signal: Signal, end: End) -> str:
         """With this event the run ends so, and in the same scenario with the other it does not."""
+        variant, encoding = self._otherwise(solver, signal), solver.encoding
+        parts = (encoding.happens(signal), encoding.ending(end), negation(variant.ending(end)))
+        return conjunction(parts)
+
+    def _otherwise(self, solver: Solver, signal: Signal) -> Variant:
+        """The run of a scenario with the other outcome in place of an event."""
         encoding = solver.encoding
         triggered = encoding.triggered(signal.node)
         other = Event.SUCCEEDED if signal.event is Event.FAILED else Event.FAILED
         changed = {Signal(signal.node, other): triggered, signal: FALSE}
         variant = encoding.variant(changed)
         solver.tell(variant.definitions)
-        parts = (encoding.happens(signal), encoding.ending(end), negation(variant.ending(end)))
-        return conjunction(parts)
+        return variant
 
     def _last(self, number: int, signal: Signal, end: End) -> Run:
         """A run that ends so with this event, which comes last: it triggers no instance."""

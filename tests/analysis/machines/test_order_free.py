@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import gpsfsm
 from gpsfsm.analysis.constraints import constraints_under
 from gpsfsm.analysis.definitions import Definitions
 from gpsfsm.analysis.machines.decide import Answers, Judge
@@ -20,6 +21,7 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.compile.instants import GOING
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.errors import InternalError
+from gpsfsm.model.event import Outcome
 from gpsfsm.model.report import Frequency
 from tests.analysis.machines.random_machines import (
     PLAIN,
@@ -30,9 +32,6 @@ from tests.analysis.machines.random_machines import (
     outcomes,
 )
 from tests.cases import many
-
-if TYPE_CHECKING:
-    from gpsfsm.model.event import Outcome
 
 
 def answers_of(graph: Any, allowed: list[frozenset[Outcome]] | None = None) -> Answers | None:
@@ -79,6 +78,15 @@ def test_what_depends_on_no_order(lines: tuple[str, ...], free: bool) -> None:
 def test_which_end_comes_first_is_left_to_the_search() -> None:
     lines = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED end", "b SUCCEEDED lost")
     assert answers_of(machine(*lines)) is None
+
+
+def test_ends_that_only_another_outcome_triggers_both_are_left_to_the_search() -> None:
+    """It gave up before r0 had its outcome, which an assumption fixes: r0 is not to blame."""
+    lines = ("start SUCCEEDED r0", "start SUCCEEDED lost", "r0 SUCCEEDED end")
+    assert answers_of(machine(*lines), [frozenset({Outcome.FAILED})]) is None
+    (report,) = gpsfsm.check(machine(*lines), assume=["r0 fails"]).plans
+    assert report.facts is not None
+    assert [each.effect for each in report.facts.dangling] == ["dont_care"]
 
 
 def test_an_instance_that_starts_too_late_is_no_orphan() -> None:
