@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.compile import Compiled
 
-MAX_TRIES = 2_000
-"""Partial scenarios that are looked at before a question is left open."""
+MAX_EFFORT = 300_000
+"""Outcomes in assumptions that are looked at for one purpose, before it is left open."""
 
 Settled = dict[int, Outcome]
 """Outcomes by the number of their instance; all others are open."""
@@ -67,6 +67,7 @@ class Definitions:
             self.formulas = [
                 parse_assumption(text).bind(plan).formula for text in options.assumptions
             ]
+        self.effort = MAX_EFFORT
         self.consistent = options.consistent
         self.equals: dict[int, tuple[int, ...]] = {}
         if options.consistent:
@@ -118,23 +119,36 @@ class Definitions:
 
     def admits(self, settled: Mapping[int, Outcome]) -> bool:
         """True if some scenario has these outcomes. Raises InconclusiveError at a limit."""
-        spoken = sorted(frozenset().union(*self.spoken()))
         start = self._extended({}, settled)
         pending = [] if start is None else [start]
-        for _ in range(MAX_TRIES):
-            if not pending:
-                return False
+        if start is not None:  # the shortest way: all others succeed, if they can
+            rest = {
+                each: max(self.outcomes[each], default=Outcome.FAILED)
+                for each in self._spoken
+                if each not in start
+            }
+            easiest = self._extended(start, rest)
+            pending += [] if easiest is None or not rest else [easiest]
+        while pending:
+            self.effort -= 1 + len(self._spoken)
+            if self.effort < 0:
+                raise InconclusiveError
             partial = pending.pop()
             if not self._may_hold(partial):
                 continue
-            number = next((number for number in spoken if number not in partial), None)
-            if number is None:
+            number = next((number for number in self._spoken if number not in partial), -1)
+            if number < 0:
                 return True
             for outcome in sorted(self.outcomes[number]):  # SUCCEEDED is the last, and tried first
                 extended = self._extended(partial, {number: outcome})
                 if extended is not None:
                     pending.append(extended)
-        raise InconclusiveError
+        return False
+
+    @cached_property
+    def _spoken(self) -> list[int]:
+        """The instances that assumptions speak of."""
+        return sorted(frozenset().union(*self.spoken()))
 
     def scenarios(self, most: int) -> Iterator[tuple[Outcome, ...]]:
         """All scenarios. Raises InconclusiveError if there are more than so many combinations."""

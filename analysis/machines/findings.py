@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.definitions import MAX_EFFORT
 from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import actor, count, fewest_words, listed, place
@@ -329,6 +330,7 @@ class Findings:
     def _replayed(self, run: Run, loop: Run) -> tuple[Configuration, list[TraceStep]]:
         """The configuration after a run, and its events; each outcome by the definitions."""
         plain = self.plain
+        plain.definitions.effort = MAX_EFFORT
         instant = plain.instants.first()
         at, trace = plain.remembered(instant, -1, STARTED), list(self._trace(instant.events))
         begin = at
