@@ -187,6 +187,9 @@ class Context:
             return None
         if outcome_of is None:
             return None
+        numbers = range(len(self.plan.runners))
+        if not self.deciders.definitions.admit([outcome_of(number) for number in numbers]):
+            raise InternalError("a scenario does not obey the options")
         no_start = self.deciders.constraints.no_start
         evaluator = self.deciders.evaluator
         if claim.shown is not None:

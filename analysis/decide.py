@@ -8,6 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.decisions import analyses
+from gpsfsm.analysis.decisions.completion import frequency
+from gpsfsm.analysis.definitions import Definitions
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import Budget, Purse
 from gpsfsm.analysis.proof.prove import prove
@@ -15,10 +17,11 @@ from gpsfsm.analysis.solver import InconclusiveError, Solver
 from gpsfsm.analysis.structure import Structure
 from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.compile import TreePlan
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import PAPER
-from gpsfsm.model.report import By, Facts, Proof
+from gpsfsm.model.event import End
+from gpsfsm.model.report import By, Facts, Frequency, Proof
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,6 +29,10 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.compile import Compiled
+
+
+ALL_PLAYED = 500
+"""Scenarios, or configurations, up to which all are played where options say which there are."""
 
 
 class Deciders:
@@ -62,6 +69,11 @@ class Deciders:
             return False
         tree = isinstance(self.compiled.automaton.plan, TreePlan)
         return tree or not self.constraints.no_start  # which chains the units of a plan
+
+    @cached_property
+    def definitions(self) -> Definitions:
+        """The options as they are defined."""
+        return Definitions(self.compiled, self.options)
 
     @cached_property
     def clock(self) -> Clock | None:
@@ -137,9 +149,84 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
     """Decide everything about a compiled plan.
 
     Raises UsageError if the structural pass is asked for where it is not exact, and InternalError
-    if it disagrees with z3.
+    if it disagrees with z3, or either with what a few scenarios show by the options' definitions.
     """
-    deciders = Deciders(compiled, constraints, options)
+    decided = _decided(Deciders(compiled, constraints, options))
+    _require_definitions(decided)
+    return decided
+
+
+def _require_definitions(decided: Decided) -> None:
+    """Raise InternalError where the definitions of the options give other answers, if a few do."""
+    deciders, answers = decided.deciders, decided.answers
+    if deciders.definitions.plain or deciders.compiled.automaton.traits != PAPER:
+        return
+    wanted: Mapping[str, Any] = {}
+    with suppress(InconclusiveError):
+        contradictory = deciders.definitions.contradictory()
+        answered = decided.contradictory or any(each is not None for each in answers.values())
+        if answered and contradictory is not decided.contradictory:
+            raise InternalError("two ways to decide disagree on whether the options contradict")
+        if not decided.contradictory:
+            played = _by_scenarios if deciders.constraints.no_start else _by_configurations
+            wanted = played(deciders)
+    for name, answer in wanted.items():
+        current = answers[name]
+        if name == "dangling" and current is not None:
+            current = {each[:2] for each in current if each.effect == "give_up"}
+        if current is not None and current != answer:
+            raise InternalError(
+                f"two ways to decide disagree on '{name}': {current}, by definition {answer}"
+            )
+
+
+def _by_scenarios(deciders: Deciders) -> dict[str, Any]:
+    """Answers of all scenarios, played. Raises InconclusiveError if they are many."""
+    ends: set[End] = set()
+    triggered: set[int] = set()
+    for outcomes in deciders.definitions.scenarios(ALL_PLAYED):
+        run = deciders.evaluator.run(outcomes.__getitem__)
+        ends.add(run.ends)
+        triggered.update(run.triggered)
+    completes, gives_up, stuck = (
+        frequency(end in ends, ends != {end}) for end in (End.COMPLETED, End.GAVE_UP, End.STUCK)
+    )
+    runners = deciders.compiled.automaton.runners
+    return {
+        "completion": (completes, gives_up),
+        "stuck": (stuck, Frequency.NEVER, Frequency.NEVER),
+        "reachability": tuple(n for n, node in enumerate(runners) if node.index not in triggered),
+    }
+
+
+def _by_configurations(deciders: Deciders) -> dict[str, Any]:
+    """Answers of all orders of events. Raises InconclusiveError if they are many."""
+    from gpsfsm.analysis.machines.decide import Judge
+    from gpsfsm.analysis.machines.plain import Plain
+    from gpsfsm.analysis.machines.search import Exploration
+
+    automaton = deciders.compiled.automaton
+    plain = Plain(automaton, deciders.definitions, by_scenario=True)
+    outcomes = deciders.definitions.outcomes
+    judge = Judge(Exploration(automaton, outcomes, limit=ALL_PLAYED, stepper=plain))
+    facts = judge.facts()
+    orphans = {} if judge.tree else {"orphans": tuple(number for number, _ in facts.orphans)}
+    return orphans | {
+        "completion": (facts.completes, facts.gives_up),
+        "stuck": (facts.stuck, Frequency.NEVER, Frequency.NEVER),
+        "reachability": facts.unreachable,
+        "fewest": facts.fewest_failures,
+        "dangling": {
+            (automaton.runner_number(each.signal.node), each.signal.event)
+            for each in facts.dangling
+            if each.effect == "give_up"
+        },
+    }
+
+
+def _decided(deciders: Deciders) -> Decided:
+    """Decide everything, by the way that fits."""
+    options = deciders.options
     if options.solver == "structural" and deciders.structure is None:
         raise UsageError(
             "the structural pass decides independent outcomes only; with --consistent, --faults, "

@@ -102,6 +102,11 @@ def constraints(
     verbs += ["does not start"] if "no-start" in faults else []
     verbs += ["hangs"] if "hang" in faults else []
     atoms = st.builds(Says, st.sampled_from(runner_paths(whole)), st.sampled_from(verbs))
+    return relations(atoms, max_leaves=max_leaves)
+
+
+def relations(atoms: SearchStrategy[Says], *, max_leaves: int = 5) -> SearchStrategy[Constraint]:
+    """Constraints that are made of these."""
     return st.recursive(
         atoms,
         lambda parts: st.one_of(

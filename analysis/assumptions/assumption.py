@@ -39,6 +39,7 @@ from gpsfsm.analysis.assumptions.parser import (
     statement_of,
 )
 from gpsfsm.errors import UsageError
+from gpsfsm.model.capability import OWN
 from gpsfsm.model.plan import Attribute, Element, Kind, Plan, Value, value_key
 from gpsfsm.model.story import Vocabulary
 
@@ -125,8 +126,18 @@ class Instances:
         Raises MistakeError for a line or an element path without runner.
         """
         if selector not in self._selected:
-            self._selected[selector] = self._select(selector)
+            numbers = self._select(selector)
+            self._selected[selector] = [each for each in numbers if each not in self._unsettled]
         return self._selected[selector]
+
+    @cached_property
+    def _unsettled(self) -> frozenset[int]:
+        """The choices and ticks of a tree: no runners, and one that counts rounds changes."""
+        return frozenset(
+            number
+            for number, runner in enumerate(self.plan.runners)
+            if self.plan.vocabulary is Vocabulary.TREE and runner.interface in OWN
+        )
 
     def _select(self, selector: Selector) -> Sequence[int]:
         if isinstance(selector, LineSelector):
@@ -177,7 +188,8 @@ class Instances:
             return [
                 number
                 for number, runner in enumerate(self.plan.runners)
-                if runner.line <= line <= _last_line(runner) and not runner.file
+                if runner.line <= line <= _last_line(runner)
+                and not (runner.file or number in self._unsettled)
             ]
         # Start tags do not overlap: those that cover a line are neighbours.
         numbers: list[int] = []
@@ -192,7 +204,11 @@ class Instances:
         for element in self.plan.elements:
             if element.line == line and element.kind is not Kind.RUNNER and not element.file:
                 return f"to select the runners inside, write {self.plan.path(element)}"
-        lines = {runner.line for runner in self.plan.runners if not runner.file}
+        lines = {
+            runner.line
+            for number, runner in enumerate(self.plan.runners)
+            if not (runner.file or number in self._unsettled)
+        }
         near = sorted(lines, key=lambda other: (abs(other - line), other))
         if not near:
             return "the plan has no runner; select by interface, which may match nothing"

@@ -246,7 +246,9 @@ def show(answer: Answer, witnesses: Witnesses) -> None:
         failing = frozenset(claim.failing(witnesses.structure))
         end = automaton.give_up
         witnesses.expect(witnesses.lane(failing), happens=claim.happens, triggered=(end,))
-        witnesses.expect(witnesses.lane(failing ^ {dangler.runner}), absent=(end,))
+        spared = dangler.runner if dangler.event is Event.FAILED else None
+        other = witnesses.lane(failing ^ {dangler.runner}, spared=spared)
+        witnesses.expect(other, absent=(end,))
 
 
 ANALYSIS = Analysis("dangling", by_structure, by_solver, facts, questions, refute, show)

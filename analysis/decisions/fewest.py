@@ -35,11 +35,12 @@ from gpsfsm.analysis.deviations import successes_needed
 from gpsfsm.analysis.encode import FALSE
 from gpsfsm.analysis.proof.refutation import Refutation, UnprovedError
 from gpsfsm.compile import UnitKind
+from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
@@ -193,6 +194,8 @@ def refute(answer: Answer, refutation: Refutation) -> None:
     classes = {
         number: spans[unit][0] for number, unit in enumerate(structure.unit_of) if unit in spans
     }
+    if {*classes.values()} != {*range(answer)}:
+        raise InternalError("a class of failures has no member: no failure of it is needed")
     spared = refutation.spared(classes)
     refutation.never(spared.fired[refutation.automaton.give_up])
 
@@ -213,7 +216,6 @@ def spans_of(structure: Structure, number: int) -> dict[int, tuple[int, int]]:
         if unit not in spans:
             continue
         low, high = spans[unit]
-        assert high - low <= costs[unit].failure, "no unit has more classes than it takes failures"
         able = [child for child in units.children[unit] if costs[child].failure < inf]
         divided = units.kinds[unit] in (UnitKind.GUARD, UnitKind.ANY)
         for child in able if costs[unit].failure < inf else ():
@@ -221,14 +223,68 @@ def spans_of(structure: Structure, number: int) -> dict[int, tuple[int, int]]:
             if low < end:
                 spans[child] = low, end
             low = end if divided else low
+    _require_spans(structure, spans)
     return spans
 
 
+def _require_spans(structure: Structure, spans: Mapping[int, tuple[int, int]]) -> None:
+    """Raise InternalError unless no unit fails without a failure of each of its classes.
+
+    That is so if it has a single class and is a runner, if each child that can fail has the same
+    classes, or, where all children have to fail, if these have its classes between them.
+    """
+    for unit, (low, high) in spans.items():
+        kind, children = structure.units.kinds[unit], structure.units.children[unit]
+        parts = [spans.get(child) for child in children if structure.can_fail[child]]
+        if kind is UnitKind.RUNNER:
+            right = high - low == 1
+        elif kind in (UnitKind.GUARD, UnitKind.ANY):
+            between = sorted(each for each in parts if each is not None)
+            ends = [low, *(end for _, end in between)]
+            right = [begin for begin, _ in between] == ends[:-1] and ends[-1] == high
+        else:
+            right = all(part == (low, high) for part in parts)
+        if not right:
+            raise InternalError("the classes of failures of a unit are not those of its parts")
+
+
 def show(answer: Answer, witnesses: Witnesses) -> None:
-    """A run that gives up with so many failures."""
-    if answer is not None:
-        lane = witnesses.lane(witnesses.structure.failing(0))
-        witnesses.expect(lane, triggered=(witnesses.automaton.give_up,), failures=answer)
+    """A run that gives up with so many failures; those that it does not need never come."""
+    if answer is None:
+        return
+    structure = witnesses.structure
+    if witnesses.sure and not structure.units.plain:
+        raise UnprovedError
+    failing = frozenset(_needed(structure) if witnesses.sure else structure.failing(0))
+    late = [number for number in witnesses.sure if number not in failing]
+    lane = witnesses.lane(failing, held=late)
+    witnesses.expect(lane, triggered=(witnesses.automaton.give_up,), failures=answer)
+
+
+def _needed(structure: Structure) -> Iterator[int]:
+    """The runners of a plan whose failures the give-up with the fewest of them takes.
+
+    An end takes that end of all children, or else of a single child; in a row, the children before
+    that have come to the other end.
+    """
+    units, costs = structure.units, _costs(structure)
+    pending = [(0, False)]
+    while pending:
+        unit, succeeds = pending.pop()
+        kind, children = units.kinds[unit], units.children[unit]
+        if kind is UnitKind.RUNNER and not succeeds:
+            yield structure.number[unit]
+        if succeeds is (kind in (UnitKind.SEQUENCE, UnitKind.ALL)):
+            pending += ((child, succeeds) for child in children)
+        elif children:
+            before = children if kind in (UnitKind.SEQUENCE, UnitKind.GUARD) else ()
+            prices = [
+                costs[child][not succeeds] + sum(costs[other][succeeds] for other in before[:place])
+                for place, child in enumerate(children)
+            ]
+            best = prices.index(min(prices))
+            pending += ((other, not succeeds) for other in before[:best])
+            pending.append((children[best], succeeds))
 
 
 ANALYSIS = Analysis("fewest", by_structure, by_solver, facts, refute=refute, show=show)

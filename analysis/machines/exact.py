@@ -39,7 +39,7 @@ class ExactPart(Exploration):
     def __init__(self, whole: Exploration, inexact: Collection[int]) -> None:
         self.automaton, self.instants = whole.automaton, whole.instants
         self.allowed_outcomes, self.allowed = whole.allowed_outcomes, whole.allowed
-        self._whole = whole
+        self._whole, self._successors = whole, whole._successors
         self.configurations: list[Configuration] = []
         self.steps: list[list[Step]] = []
         self.origins: list[tuple[int, Step] | None] = []

@@ -8,10 +8,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.definitions import MAX_EFFORT
+from gpsfsm.analysis.options import InconclusiveError
 from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import actor, count, fewest_words, listed, place
-from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, Instants
+from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, HANG, STARTED
 from gpsfsm.compile.units import TreeMachine
+from gpsfsm.errors import InternalError
 from gpsfsm.model.capability import OWN, TICK
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, Severity, TraceStep
@@ -33,6 +36,8 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.machines.decide import Answers, Claim, DanglingAt, Run
     from gpsfsm.analysis.machines.overlaps import Overlap
+    from gpsfsm.analysis.machines.plain import Plain
+    from gpsfsm.compile.instants import Configuration
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Element
@@ -119,18 +124,19 @@ def _precision(answers: Answers) -> dict[str, Precision]:
 
 
 class Findings:
-    """The findings about one machine; at most ``most`` of each rule have a scenario."""
+    """The findings about one machine; at most ``most`` of each rule have a scenario.
 
-    def __init__(
-        self, answers: Answers | None, automaton: Automaton, most: int, tolerate: int = 0
-    ) -> None:
+    ``plain``: the steps by which scenarios are replayed.
+    """
+
+    def __init__(self, answers: Answers | None, plain: Plain, most: int, tolerate: int = 0) -> None:
         self._answers = answers
         self.tolerate = tolerate
-        self.automaton = automaton
-        self.plan = automaton.plan
-        self.vocabulary = automaton.plan.vocabulary
+        self.plain = plain
+        self.automaton = plain.automaton
+        self.plan = self.automaton.plan
+        self.vocabulary = self.plan.vocabulary
         self.terms = self.vocabulary.terms
-        self.instants = Instants(automaton)
         self.most = most
         self._shown: dict[str, int] = {}
 
@@ -339,20 +345,16 @@ class Findings:
     ) -> Scenario | None:
         """A run as a scenario: replayed step by step, and a loop until it closes.
 
-        ``then``: the rest of the run, which is not told.
+        ``then``: the rest of the run, which is not told. None also where it takes too long to say
+        that the options allow the run. Raises InternalError if they do not.
         """
         self._shown[code] = self._shown.get(code, 0) + 1
         if self._shown[code] > self.most:
             return None
-        instant = self.instants.first()
-        at, trace = instant.configuration, list(self._trace(instant.events))
-        for number, outcome in (*run, *then, *loop):
-            if outcome == 3:
-                at = self.instants.hanging(at, number)
-            else:
-                instant = self.instants.after(at, number, outcome)
-                at = instant.configuration
-                trace += self._trace(instant.events)
+        try:
+            at, trace = self._replayed((*run, *then), loop)
+        except InconclusiveError:
+            return None
         end = _ENDS.get(at.ended, End.ENDLESS if loop or at.active else End.STUCK)
         sentences = list(self._sentences(run))
         if loop:
@@ -369,6 +371,27 @@ class Findings:
             sentences=tuple(sentences),
             vocabulary=self.vocabulary,
         )
+
+    def _replayed(self, run: Run, loop: Run) -> tuple[Configuration, list[TraceStep]]:
+        """The configuration after a run, and its events; each outcome by the definitions."""
+        plain = self.plain
+        plain.definitions.effort = MAX_EFFORT
+        instant = plain.instants.first()
+        at, trace = plain.remembered(instant, -1, STARTED), list(self._trace(instant.events))
+        begin = at
+        for steps, (number, outcome) in enumerate((*run, *loop), start=1):
+            if not at.active >> number & 1 or outcome not in plain.possible(at, number):
+                raise InternalError("a scenario does not obey the options")
+            if outcome == HANG:
+                at = plain.after(at, number, outcome)
+            else:
+                instant = plain.instants.after(at, number, outcome)
+                at = plain.remembered(instant, number, outcome)
+                trace += self._trace(instant.events)
+            begin = at if steps == len(run) else begin
+        if loop and at != begin:
+            raise InternalError("a loop of a scenario does not lead back to its beginning")
+        return at, trace
 
     def _trace(self, events: Iterable[int]) -> Iterator[TraceStep]:
         for code in events:

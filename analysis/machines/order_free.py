@@ -18,7 +18,9 @@ at which the run completes, ``c3`` and ``d3`` the same for *at* it or before: at
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from functools import cached_property
+from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.claims import Claim
@@ -28,9 +30,19 @@ from gpsfsm.analysis.decisions import dangling as dangling_events
 from gpsfsm.analysis.decisions.completion import frequency
 from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
 from gpsfsm.analysis.machines.decide import Answers, DanglingAt, Run, WaitingEffect, WaitingJoin
+from gpsfsm.analysis.machines.overlaps import Overlap
 from gpsfsm.analysis.options import Budget, InconclusiveError, Purse
 from gpsfsm.analysis.solver import Solver
-from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, HANG, SUCCEEDED, Instants
+from gpsfsm.compile.instants import (
+    COMPLETED,
+    FAILED,
+    GAVE_UP,
+    GOING,
+    HANG,
+    SUCCEEDED,
+    Instants,
+    bits,
+)
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.report import Frequency
@@ -126,7 +138,7 @@ class OrderFree:
         both, is_stuck, is_not_stuck = self.solver.decide(
             [conjunction(ends), stuck, negation(stuck)]
         )
-        if both:
+        if both or self._ends_twice():
             return None
         completes, gives_up = completion.by_solver(self.solver)
         shown = {
@@ -154,6 +166,28 @@ class OrderFree:
             configurations=0,
         )
 
+    def _ends_twice(self) -> bool:
+        """True if both ends come where an event is compared with the other outcome.
+
+        That need not obey the options. Without these, both ends seldom come: one question.
+        """
+        usual = frozenset((Outcome.SUCCEEDED, Outcome.FAILED))
+        allowed = tuple(outcomes | usual for outcomes in self.constraints.allowed)
+        free = replace(self.constraints, allowed=allowed, groups=(), formulas=())
+        if free == self.constraints:
+            return False
+        ends = (self.automaton.complete, self.automaton.give_up)
+        solver = Solver(self.compiled, free, rlimit=self.rlimit, purse=self.budget.deciding)
+        if not solver.decide([conjunction(map(solver.encoding.triggered, ends))])[0]:
+            return False
+        terms: list[str] = []
+        for number, event, _ in dangling_events.by_solver(self.solver):
+            signal = Signal(self.automaton.runner_node(number), event)
+            variant = self._otherwise(self.solver, signal)
+            both = map(variant.triggered, ends)
+            terms.append(conjunction((self.encoding.happens(signal), *both)))
+        return any(self.solver.decide(terms))
+
     # -- events that lead nowhere -----------------------------------------------------------
 
     def _dangling(self) -> Iterator[DanglingAt]:
@@ -174,14 +208,19 @@ class OrderFree:
 
     def _ending_otherwise(self, solver: Solver, signal: Signal, end: End) -> str:
         """With this event the run ends so, and in the same scenario with the other it does not."""
+        variant, encoding = self._otherwise(solver, signal), solver.encoding
+        parts = (encoding.happens(signal), encoding.ending(end), negation(variant.ending(end)))
+        return conjunction(parts)
+
+    def _otherwise(self, solver: Solver, signal: Signal) -> Variant:
+        """The run of a scenario with the other outcome in place of an event."""
         encoding = solver.encoding
         triggered = encoding.triggered(signal.node)
         other = Event.SUCCEEDED if signal.event is Event.FAILED else Event.FAILED
         changed = {Signal(signal.node, other): triggered, signal: FALSE}
         variant = encoding.variant(changed)
         solver.tell(variant.definitions)
-        parts = (encoding.happens(signal), encoding.ending(end), negation(variant.ending(end)))
-        return conjunction(parts)
+        return variant
 
     def _last(self, number: int, signal: Signal, end: End) -> Run:
         """A run that ends so with this event, which comes last: it triggers no instance."""
@@ -293,6 +332,64 @@ class OrderFree:
                 shown += 1
                 yield number, self._outliving(number, halves, term) if shown <= self.most else ()
 
+    # -- overlaps -----------------------------------------------------------------------------
+
+    def overlaps(self, shared: Mapping[str, int]) -> Iterator[Overlap]:
+        """The instances that are active at once, with these resources; ``shared``: as bits.
+
+        That is at an instant before which the run has not ended.
+        """
+        automaton = self.automaton
+        pairs = [
+            (first, second, resource)
+            for resource, held in shared.items()
+            for first, second in combinations(bits(held), 2)
+        ]
+        begun = self._played({}).triggered
+        if automaton.complete in begun or automaton.give_up in begun:
+            for first, second, resource in sorted(pairs):
+                nodes = map(automaton.runner_node, (first, second))
+                if all(node in begun for node in nodes):
+                    yield Overlap(first, second, resource, (), ())
+            return
+        halves = self._halves(self.solver)
+        ends = (automaton.complete, automaton.give_up)
+        terms = [
+            conjunction(
+                (
+                    *(negation(halves.before.triggered(end)) for end in ends),
+                    *(halves.now.triggered(automaton.runner_node(n)) for n in pair[:2]),
+                    *(negation(halves.over[n]) for n in pair[:2]),
+                )
+            )
+            for pair in pairs
+        ]
+        met = [
+            (*pair, term)
+            for pair, term, meet in zip(pairs, terms, self.solver.decide(terms), strict=True)
+            if meet
+        ]
+        for place, (first, second, resource, term) in enumerate(sorted(met)):
+            run, outcomes = self._reaching(halves, term) if place < self.most else ((), ())
+            yield Overlap(first, second, resource, run, self._onwards(run, outcomes))
+
+    def _onwards(self, run: Run, outcomes: Sequence[Outcome]) -> Run:
+        """The steps of a scenario behind those of a run, up to its end."""
+        at = self.instants.first().configuration
+        pending, onwards = list(reversed(run)), list[tuple[int, int]]()
+        while outcomes and (pending or (at.ended == GOING and at.active)):
+            if pending:
+                number, outcome = pending.pop()
+            else:
+                number = next(bits(at.active))
+                outcome = _STEPS[outcomes[number]]
+                onwards.append((number, outcome))
+            if outcome == HANG:
+                at = self.instants.hanging(at, number)
+            else:
+                at = self.instants.after(at, number, outcome).configuration
+        return tuple(onwards)
+
     def _halves(self, solver: Solver) -> _Halves:
         """The run before the instant of completion, and the run up to it."""
         encoding, automaton = solver.encoding, solver.automaton
@@ -330,17 +427,21 @@ class OrderFree:
             run = self._until_completed(self._steps(others), number)
             if run is not None:
                 return run
+        return self._reaching(halves, term)[0]
+
+    def _reaching(self, halves: _Halves, term: str) -> tuple[Run, Sequence[Outcome]]:
+        """A run up to an instant that a term is about, and its scenario; nothing at a limit."""
         solver = self.solver
         try:
             possible = solver.must_check([solver.name(term)])
         except InconclusiveError:
-            return ()
+            return (), ()
         assert possible, "what was decided to be possible has a scenario"
         outcomes = solver.outcomes()
         over = [n for n in halves.over if solver.holding((f"c{n}", f"d{n}"))]
         last = [n for n in over if not solver.holding((f"a{n}", f"b{n}"))]
         early = {n: outcomes[n] for n in over if n not in last}
-        return (*self._steps(early), *((n, _STEPS[outcomes[n]]) for n in last))
+        return (*self._steps(early), *((n, _STEPS[outcomes[n]]) for n in last)), outcomes
 
     def _until_completed(self, run: Run, number: int) -> Run | None:
         """The run up to its completion, if it completes and the instance is active then."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.machines.search import Exploration, Step
     from gpsfsm.model.capability import Binding
 
-_MOST = 50
+MOST = 50
 """So many pairs are named; more of them say nothing new."""
 
 
@@ -71,7 +71,7 @@ def overlaps_in(
         for resource, held in shared.items():
             for first, second in combinations(bits(active & held), 2):
                 key = first, second, resource
-                if key not in overlaps and len(overlaps) < _MOST:
+                if key not in overlaps and len(overlaps) < MOST:
                     shown = (*exploration.path(at), *last)
                     then = () if last else _followed(onwards, at)
                     overlaps[key] = Overlap(*key, shown, then)

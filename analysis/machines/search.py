@@ -95,6 +95,7 @@ class Exploration:
         *,
         ties: Sequence[Tie] = (),
         limit: int = MAX_CONFIGURATIONS,
+        stepper: Successors | None = None,
     ) -> None:
         self.automaton = automaton
         self.instants = Instants(automaton, ties)
@@ -107,20 +108,20 @@ class Exploration:
         self.steps: list[list[Step]] = []
         self.origins: list[tuple[int, Step] | None] = []
         self.others: dict[tuple[int, int, int], int] = {}
-        self._successors = Successors(self.instants, self.allowed)
+        self._successors = stepper or Successors(self.instants, self.allowed)
         self._numbers: dict[int, int] = {}  # of packed configurations, in ascending order
-        self.explore(self.instants.first().configuration)
+        self.explore(self._successors.first())
         self.reached = len(self.configurations)
 
     def instead(self, at: int, number: int, outcome: int) -> int:
         """The configuration that this outcome leads to, whether it can occur or not."""
-        for step in self.steps[at]:
+        for step in () if self._successors.by_scenario else self.steps[at]:
             if (step.number, step.outcome) == (number, outcome):
                 return step.target
         key = (at, number, outcome)
         if key not in self.others:
-            instant = self.instants.after(self.configurations[at], number, outcome)
-            self.others[key] = self.explore(instant.configuration)
+            other = self._successors.instead(self.configurations[at], number, outcome)
+            self.others[key] = self.explore(other)
         return self.others[key]
 
     def explore(self, start: Configuration) -> int:
@@ -177,10 +178,7 @@ class Exploration:
 
     def possible(self, configuration: Configuration, number: int) -> tuple[int, ...]:
         """The outcomes that an active runner can have in a configuration."""
-        fixed = self.instants.fixed(configuration, number)
-        if fixed is None:
-            return self.allowed[number]
-        return tuple(each for each in self.allowed[number] if each in (fixed, HANG))
+        return self._successors.possible(configuration, number)
 
     # -- parts of the graph -----------------------------------------------------------------
 
@@ -265,7 +263,7 @@ class Exploration:
             for step in steps:
                 taken.setdefault(step.number, set()).add(step.outcome)
         possible = {number: set(self.allowed[number]) for number in taken}
-        tied = {number: set[int]() for number in taken if number in self.instants.tie_of}
+        tied = {number: set[int]() for number in taken if number in self._successors.tied}
         for at, steps in component.items() if tied else ():
             for number in {step.number for step in steps if step.number in tied}:
                 tied[number].update(self.possible(self.configurations[at], number))

@@ -208,6 +208,10 @@ class Parts:
     def _require_orphans(self) -> None:
         """Raise UnprovedError unless the states of the plan are those of the instances outlived."""
         completes: list[dict[int, bool]] = [{} for _ in self._pairs]
+        states = (state for pair in self._pairs for state in pair.view.states)
+        assert all(state & OPEN for state in states), (
+            "while an instance is active, a unit may go on"
+        )
         root = self._pairs[self._root].view
         completes[self._root] = {state: bool(state & SUCCEEDED) for state in root.states}
         for node in reversed(range(len(self._pairs))):  # children come before their parents

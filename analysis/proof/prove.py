@@ -56,12 +56,16 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
         refutes = refutation.claims > claims or analysis.name in local
         decided[analysis.name] = By.Z3 if refutes else By.REPLAY
     purse = deciders.budget.deciding
+    missed: set[str] = set()
     open_: set[By] = set()  # what is proved in this way remains unproved
     try:
         purse.require(_PER_NODE * witnesses.cost)
-        by_itself |= witnesses.missed()
+        missed = witnesses.missed()
     except InconclusiveError:
         open_.add(By.REPLAY)
+    if missed:
+        names = ", ".join(sorted(missed))
+        raise InternalError(f"a run does not show what the structural pass says of: {names}")
     try:
         refuted = _refuted(refutation.text(), deciders.options.rlimit, purse)
     except InconclusiveError:

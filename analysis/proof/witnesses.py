@@ -54,7 +54,7 @@ class Witnesses:
         self._scenarios: list[_Scenario] = []
         self._numbers: dict[_Scenario, int] = {}
         self._expected: list[_Expected] = []
-        self._sure = tuple(
+        self.sure = tuple(  # what never succeeds
             number
             for number, outcomes in enumerate(structure.constraints.allowed)
             if Outcome.SUCCEEDED not in outcomes
@@ -63,17 +63,23 @@ class Witnesses:
     @cached_property
     def plain(self) -> Lanes:
         """The one run in which nothing fails but what must."""
-        return Lanes(self.automaton, 1, dict.fromkeys(self._sure, 1), {}, {})
+        return Lanes(self.automaton, 1, dict.fromkeys(self.sure, 1), {}, {})
 
     def lane(
-        self, failing: Iterable[int], *, held: Iterable[int] = (), saved: Block | None = None
+        self,
+        failing: Iterable[int],
+        *,
+        held: Iterable[int] = (),
+        saved: Block | None = None,
+        spared: int | None = None,
     ) -> int:
         """The number of the scenario in which these fail, and the outcomes of those never come.
 
-        ``saved``: the units of this block succeed in place of failing. What may succeed and is not
-        named does.
+        ``saved``: the units of this block succeed in place of failing; ``spared``: so does this
+        instance, even if it never does. What may succeed and is not named does.
         """
-        scenario = _Scenario(tuple(sorted({*failing, *self._sure})), tuple(held), saved)
+        fails = {*failing, *self.sure} - {spared}
+        scenario = _Scenario(tuple(sorted(fails)), tuple(held), saved)
         number = self._numbers.get(scenario)
         if number is None:
             number = self._numbers[scenario] = len(self._scenarios)

@@ -371,6 +371,9 @@ def _decide_machine(
             progress.findings += overlap_findings(compiled, constraints, check.analysis)
         except InconclusiveError:
             progress.record_open(["resource-overlap"])
+        except InternalError as error:
+            progress.fail("GP903", str(error))
+            progress.facts = None
     progress.analysed = True
     return None
 

@@ -2,15 +2,19 @@
 
 A machine whose scenario fixes its run is decided by z3 (``order_free``), and by exploring its
 configurations if they are few. Others are explored, and z3 proves that nothing was missed
-(``proof``). Where two ways have an answer, it is the same or gpsfsm has a defect.
+(``proof``). Few configurations are explored by the definitions of the options as well (``plain``).
+Where two ways have an answer, it is the same or gpsfsm has a defect.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.analysis.definitions import Definitions
 from gpsfsm.analysis.encode import conjunction
 from gpsfsm.analysis.machines.decide import Answers, Judge
 from gpsfsm.analysis.machines.findings import (
@@ -20,11 +24,12 @@ from gpsfsm.analysis.machines.findings import (
     facts_of,
 )
 from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
+from gpsfsm.analysis.machines.plain import Plain
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, SECOND_OPINION, InconclusiveError
 from gpsfsm.compile.units import MachinePlan, TreeMachine
 from gpsfsm.errors import InternalError
-from gpsfsm.model.automaton import Tie
+from gpsfsm.model.automaton import NodeKind, Tie
 from gpsfsm.model.capability import OWN
 from gpsfsm.model.report import By, Frequency, Proof
 from gpsfsm.model.story import Vocabulary
@@ -56,7 +61,7 @@ ANALYSES = (
 """The analyses of a machine, as ``DecidedMachine.decided_by`` names them."""
 
 ALSO_EXPLORED = 500
-"""Configurations up to which a machine that z3 decides without an order is explored as well."""
+"""Configurations up to which answers are held against the definitions of the options as well."""
 
 
 MAX_PROVED = 2_000
@@ -113,8 +118,9 @@ def decide_machine(
         if refused:
             reason = f"a machine whose runs depend on the order cannot be decided under {name}"
             return DecidedMachine(None, reason=reason, hint="check it without that")
+    plain = Plain(compiled.automaton, Definitions(compiled, options))
     if not all(allowed):
-        return DecidedMachine(None, contradictory=True)
+        return _contradictory(plain)
     try:
         exploration = Exploration(compiled.automaton, allowed, ties=ties, limit=MAX_CONFIGURATIONS)
         answers = Judge(exploration, inexact_nodes(compiled.automaton)).facts()
@@ -122,8 +128,9 @@ def decide_machine(
         reason = f"the runs of the machine reach more than {MAX_CONFIGURATIONS:,} configurations"
         hint = "check its parts as machines of their own"
         return DecidedMachine(None, reason=reason, hint=hint, too_large=True)
+    _by_definition(answers, plain)
     unproved = _proof(exploration, answers, options)
-    return _reported(answers, compiled, options, unproved)
+    return _reported(answers, plain, options, unproved)
 
 
 def inexact_nodes(automaton: Automaton) -> frozenset[int]:
@@ -174,20 +181,35 @@ def tied(
 
 
 def _visited_again(automaton: Automaton) -> frozenset[int]:
-    """The runners that lead to themselves, by any events."""
+    """The runners that may have several visits in a run.
+
+    Without a cycle of triggers, an event comes as often as its source is triggered. So a runner has
+    several visits if it is on a cycle, if several events trigger it, or if what triggers it comes
+    several times. A join whose inputs come once fires once, unless something makes it forget them.
+    """
     import networkx
 
     graph: networkx.DiGraph[int] = networkx.DiGraph()
+    graph.add_nodes_from(range(len(automaton.nodes)))
     graph.add_edges_from((source, target) for source, _, target in automaton.edges)
-    looping: set[int] = set()
+    begins, forgetful = set(automaton.starts), {target for _, _, target in automaton.stops}
+    often: set[int] = set()
     for members in networkx.strongly_connected_components(graph):
         first = min(members)
         if len(members) > 1 or graph.has_edge(first, first):
-            looping |= members
+            often |= members
+    for node in automaton.nodes:
+        # All start nodes emit at one instant.
+        triggers = {
+            (-1 if each.node in begins else each.node, each.event)
+            for each in automaton.inputs[node.index]
+        }
+        if len(triggers) > 1 and (node.kind is NodeKind.RUNNER or node.index in forgetful):
+            often.add(node.index)
+    graph.add_edges_from((-1, number) for number in often)
+    often = networkx.descendants(graph, -1) if often else often
     return frozenset(
-        number
-        for number in range(len(automaton.runners))
-        if automaton.runner_node(number) in looping
+        number for number in range(len(automaton.runners)) if automaton.runner_node(number) in often
     )
 
 
@@ -233,34 +255,59 @@ def _by_scenarios(
     """The answers of z3 without any order; None where the order decides, or at a limit."""
     try:
         decider = OrderFree(compiled, constraints, options)
+        plain = Plain(compiled.automaton, Definitions(compiled, options), by_scenario=True)
         if decider.contradictory:
-            return DecidedMachine(None, contradictory=True)
+            return _contradictory(plain)
         answers = decider.answers()
     except InconclusiveError:
         return None
     if answers is None:
         return None
-    inexact = inexact_nodes(compiled.automaton)
-    answers = answers.without_exact_runs() if inexact else answers
-    if not constraints.groups and not constraints.formulas:
-        limit = MAX_CONFIGURATIONS if inexact else ALSO_EXPLORED
-        try:
-            exploration = Exploration(compiled.automaton, constraints.allowed, limit=limit)
-            # It looks for exact runs, and at what other outcomes lead to.
-            second = Judge(exploration, inexact).facts()
-        except InconclusiveError:
-            pass
-        else:
-            require_agreement(answers, second)
-            answers = second  # whose runs are the shortest ones
-    return _reported(answers, compiled, options)
+    if not inexact_nodes(compiled.automaton):
+        return _reported(_by_definition(answers, plain), plain, options)
+    answers = _by_definition(answers.without_exact_runs(), plain, MAX_CONFIGURATIONS)
+    return _reported(answers, plain, options)
+
+
+def _contradictory(plain: Plain) -> DecidedMachine:
+    """The answer where no scenario is left. InternalError if the definitions leave some."""
+    with suppress(InconclusiveError):
+        if not plain.definitions.contradictory():
+            raise InternalError("options that are said to contradict each other do not")
+    return DecidedMachine(None, contradictory=True)
+
+
+def _by_definition(answers: Answers, plain: Plain, limit: int = ALSO_EXPLORED) -> Answers:
+    """The same answers with the shortest runs, exact ones first; as they are over ``limit``.
+
+    InternalError if they are others.
+    """
+    try:
+        # It looks for exact runs, and at what other outcomes lead to.
+        second = Judge(_explored(plain, limit), inexact_nodes(plain.automaton)).facts()
+    except InconclusiveError:
+        return answers
+    require_agreement(answers, second)
+    return second
+
+
+def _explored(plain: Plain, limit: int = ALSO_EXPLORED) -> Exploration:
+    """The exploration by the definitions of the options."""
+    if plain.definitions.contradictory():
+        raise InternalError("options that contradict each other are said to leave scenarios")
+    outcomes = plain.definitions.outcomes
+    return Exploration(plain.automaton, outcomes, limit=limit, stepper=plain)
 
 
 def require_agreement(answers: Answers, second: Answers) -> None:
     """Raise InternalError where two ways to decide differ in more than the runs they show."""
     one, other = _without_runs(answers), _without_runs(second)
-    if one != other:
-        raise InternalError(f"z3 and the search disagree about this machine: {one} and {other}")
+    traps = [any(loop.trap for loop in each.loops) for each in (answers, second)]
+    if one != other or traps[0] is not traps[1]:
+        raise InternalError(
+            f"two ways to decide disagree about this machine: {one}, trap {traps[0]}, and {other}, "
+            f"trap {traps[1]}"
+        )
 
 
 def _without_runs(answers: Answers) -> Answers:
@@ -278,14 +325,14 @@ def _without_runs(answers: Answers) -> Answers:
 
 
 def _reported(
-    answers: Answers, compiled: Compiled, options: AnalysisOptions, unproved: str = ""
+    answers: Answers, plain: Plain, options: AnalysisOptions, unproved: str = ""
 ) -> DecidedMachine:
-    kind = Findings
-    if compiled.automaton.plan.vocabulary is Vocabulary.TREE:
-        kind, answers = TreeFindings, answers_for_tree(answers, compiled.automaton)
-    findings = kind(answers, compiled.automaton, options.max_scenarios, options.tolerate).all()
+    kind, automaton = Findings, plain.automaton
+    if automaton.plan.vocabulary is Vocabulary.TREE:
+        kind, answers = TreeFindings, answers_for_tree(answers, automaton)
+    findings = kind(answers, plain, options.max_scenarios, options.tolerate).all()
     return DecidedMachine(
-        facts_of(answers, compiled.automaton),
+        facts_of(answers, automaton),
         tuple(findings),
         decided_by=dict.fromkeys(ANALYSES, "search" if unproved else "z3"),
         unproved=unproved,
@@ -297,17 +344,33 @@ def overlap_findings(
 ) -> Iterable[Finding]:
     """The findings about runners that hold one resource at once.
 
-    Raises InconclusiveError if the runs reach too many configurations for that.
+    Raises InconclusiveError if the runs reach too many configurations for that, and InternalError
+    if two ways to decide disagree.
     """
-    from gpsfsm.analysis.machines.overlaps import held_twice, weighed_overlaps
+    from gpsfsm.analysis.machines.overlaps import MOST, held_twice, weighed_overlaps
 
-    if not held_twice(compiled.bindings):
+    shared = held_twice(compiled.bindings)
+    if not shared:
         return ()
-    allowed, ties = tied(compiled.automaton, constraints)
-    exploration = Exploration(compiled.automaton, allowed, ties=ties)
     inexact = inexact_nodes(compiled.automaton)
-    overlaps = weighed_overlaps(exploration, compiled.bindings, inexact)
-    return Findings(None, compiled.automaton, options.max_scenarios).of_overlaps(overlaps)
+    tree = compiled.automaton.plan.vocabulary is Vocabulary.TREE
+    related = bool(constraints.formulas or constraints.groups)
+    by_scenario = related and not tree and is_order_free(compiled.automaton)
+    if by_scenario:
+        decider = OrderFree(compiled, constraints, options)
+        rows = islice(decider.overlaps(shared), MOST)
+        overlaps = tuple(each._replace(sure=not inexact) for each in rows)
+    else:
+        allowed, ties = tied(compiled.automaton, constraints)
+        exploration = Exploration(compiled.automaton, allowed, ties=ties)
+        overlaps = weighed_overlaps(exploration, compiled.bindings, inexact)
+    plain = Plain(compiled.automaton, Definitions(compiled, options), by_scenario=by_scenario)
+    with suppress(InconclusiveError):
+        second = weighed_overlaps(_explored(plain), compiled.bindings, inexact)
+        if [each[:3] for each in second] != [each[:3] for each in overlaps]:
+            raise InternalError(f"two ways to decide disagree: {overlaps} and {second}")
+        overlaps = second  # whose runs are the shortest ones
+    return list(Findings(None, plain, options.max_scenarios).of_overlaps(overlaps))
 
 
 def findings_of_runners(

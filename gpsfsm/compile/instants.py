@@ -19,7 +19,7 @@ from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     import networkx as nx
 
@@ -341,8 +341,11 @@ class Successors:
     """The steps of a machine from configurations that are packed into numbers.
 
     From its lowest bits on, a number has ``Configuration``'s active, hanging (if that can be),
-    arrived, fired, ended and said.
+    arrived, fired, ended and said. ``by_scenario``: an outcome that is compared with only is none
+    of the steps.
     """
+
+    by_scenario = False
 
     def __init__(self, instants: Instants, allowed: Sequence[Sequence[int]]) -> None:
         self.instants = instants
@@ -358,6 +361,26 @@ class Successors:
         self._allowed = allowed
         self._moves: dict[int, tuple[Move, ...]] = {}  # by the bit of the runner
         self._kept = 0
+
+    @property
+    def tied(self) -> Collection[int]:
+        """The runners that have a tie."""
+        return self.instants.tie_of
+
+    def first(self) -> Configuration:
+        """The configuration after the first instant."""
+        return self.instants.first().configuration
+
+    def instead(self, at: Configuration, number: int, code: int) -> Configuration:
+        """The configuration after an outcome, whether it can come or not."""
+        return self.instants.after(at, number, code).configuration
+
+    def possible(self, at: Configuration, number: int) -> tuple[int, ...]:
+        """The outcomes that an active runner can have in a configuration."""
+        fixed = self.instants.fixed(at, number)
+        if fixed is None:
+            return tuple(self._allowed[number])
+        return tuple(each for each in self._allowed[number] if each in (fixed, HANG))
 
     def packed(self, configuration: Configuration) -> int:
         """The number of a configuration."""

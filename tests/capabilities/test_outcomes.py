@@ -21,7 +21,7 @@ from tests import strategies
 from tests.support import plan_of
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
+    from collections.abc import Collection, Sequence
 
     from gpsfsm.analysis.options import SolverChoice
     from gpsfsm.model.report import Facts, PlanReport
@@ -277,7 +277,7 @@ def facts_for(
     library: Library,
     *,
     faults: Collection[str],
-    assumptions: Iterable[str] = (),
+    assumptions: Sequence[str] = (),
     solver: SolverChoice,
 ) -> Facts:
     tree = plan_of(whole)
@@ -285,7 +285,10 @@ def facts_for(
     allowed = constraints_of(
         tree, faults=faults, assumptions=assumptions, bindings=compiled.bindings
     )
-    return decide(compiled, allowed, AnalysisOptions(solver=solver)).facts()
+    options = AnalysisOptions(
+        faults=tuple(sorted(faults)), assumptions=tuple(assumptions), solver=solver
+    )
+    return decide(compiled, allowed, options).facts()
 
 
 def paths(whole: P, outcomes: Outcomes, *, declared: bool) -> list[str]:

@@ -59,7 +59,10 @@ KINDS: dict[str, tuple[str, Callable[[], str]]] = {
     "tree": ("tree.xml", lambda: TREE),
     "scxml": ("door.scxml", lambda: _read("door.scxml")),
     "yasmin": ("delivery.xml", lambda: _read("delivery.yasmin.xml")),
-    "langgraph": ("agent.json", lambda: _read("agent.langgraph.json")),
+    "langgraph": (
+        "agent.json",
+        lambda: _read("agent.langgraph.json").replace('"planner"', '"plan"'),
+    ),
     "json": ("door.json", lambda: DOOR.read_text(encoding="utf-8")),
     "graphml": ("graph.graphml", lambda: GRAPHML),
     "flexbe": ("inspection_sm.py", lambda: _read("inspection_flexbe.py")),

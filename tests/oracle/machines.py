@@ -187,6 +187,10 @@ class Machine:
         assert before.states[runner] == ACTIVE
         return self._played(before, (runner, event))
 
+    def instead(self, before: Configuration, runner: int, event: str) -> Configuration:
+        """The configuration after the other outcome."""
+        return self.step(before, runner, FAILED if event == SUCCEEDED else SUCCEEDED).after
+
     def _played(self, before: Configuration, cause: tuple[int, str] | None) -> Step:
         now = _Instant(self, before, cause)
         joins = [now.join(name) for name in self.joins]
@@ -451,11 +455,10 @@ class _Facts:
     def _effect(self, runner: int, event: str) -> str:
         if event not in self.machine.outcomes[runner]:
             return "dont_care"
-        other = FAILED if event == SUCCEEDED else SUCCEEDED
         pairs = [
             (
                 self.machine.step(here, runner, event).after,
-                self.machine.step(here, runner, other).after,
+                self.machine.instead(here, runner, event),
             )
             for here in self.steps
             if here.end is None
@@ -605,7 +608,12 @@ def machine_facts(
     most: int = 20_000,
 ) -> dict[str, Any]:
     """All facts of a well-formed machine, with the names of its nodes."""
-    facts = _Facts(Machine(graph, outcomes, ties=ties, most=most))
+    return facts_of_machine(Machine(graph, outcomes, ties=ties, most=most))
+
+
+def facts_of_machine(machine: Machine) -> dict[str, Any]:
+    """All facts of a machine."""
+    facts = _Facts(machine)
     ends, fair = facts.ends(), facts.ends(fair=True)
     return {
         "completes": _how_often(COMPLETED, ends),
@@ -619,4 +627,20 @@ def machine_facts(
         "join_deadlocks": facts.join_deadlocks(),
         "orphans": facts.orphans(),
         "fewest_failures_to_give_up": facts.fewest_failures(),
+    }
+
+
+def meetings(machine: Machine) -> set[tuple[Name, Name]]:
+    """The runners that are active, or hang, at one instant, not later than that of the end."""
+    facts = _Facts(machine)
+    shown = [facts.first]
+    for here, step in facts.walk():
+        shown += [] if here.end is not None else [here, step.after]
+    names = machine.runners
+    return {
+        (names[one], names[other])
+        for here in shown
+        for other in range(len(names))
+        for one in range(other)
+        if IDLE not in (here.states[one], here.states[other])
     }

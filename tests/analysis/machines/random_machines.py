@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 from hypothesis import strategies as st
 
+from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.automaton import NodeKind, Reset, Signal, Tie
 from gpsfsm.model.event import Event, Outcome
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hypothesis.strategies import DrawFn
 
     from gpsfsm.model.automaton import Automaton
@@ -144,6 +147,20 @@ def outcomes(runners: int) -> st.SearchStrategy[list[frozenset[Outcome]]]:
     """The outcomes that each runner can have."""
     choices = [PLAIN, PLAIN, PLAIN | {Outcome.HANG}, frozenset({Outcome.SUCCEEDED})]
     return st.lists(st.sampled_from(choices), min_size=runners, max_size=runners)
+
+
+def options_of(names: Sequence[str], allowed: Sequence[frozenset[Outcome]]) -> AnalysisOptions:
+    """The options under which the runners of these names have these outcomes."""
+    hang = any(Outcome.HANG in each for each in allowed)
+    words = {Outcome.HANG: "hangs"} if hang else {}
+    words |= {Outcome.SUCCEEDED: "succeeds", Outcome.FAILED: "fails"}
+    assumptions = [
+        f'name "{name}" never {word}'
+        for name, each in zip(names, allowed, strict=True)
+        for outcome, word in words.items()
+        if outcome not in each
+    ]
+    return AnalysisOptions(faults=("hang",) * hang, assumptions=tuple(assumptions))
 
 
 @st.composite

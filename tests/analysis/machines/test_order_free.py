@@ -8,12 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpsfsm.analysis.constraints import Constraints
+import gpsfsm
+from gpsfsm.analysis.constraints import constraints_under
+from gpsfsm.analysis.definitions import Definitions
 from gpsfsm.analysis.machines.decide import Answers, Judge
 from gpsfsm.analysis.machines.findings import Findings
 from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
+from gpsfsm.analysis.machines.plain import Plain
 from gpsfsm.analysis.machines.search import Exploration
-from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking.machine_check import require_agreement
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.instants import GOING
@@ -25,6 +27,7 @@ from tests.analysis.machines.random_machines import (
     PLAIN,
     automaton_of,
     machine,
+    options_of,
     order_free_machines,
     outcomes,
 )
@@ -37,12 +40,16 @@ def answers_of(graph: Any, allowed: list[frozenset[Outcome]] | None = None) -> A
     assert plan is not None, problems
     compiled = compile_plan(plan)
     outcomes_of = tuple(allowed or [PLAIN] * len(compiled.automaton.runners))
-    constraints = Constraints(outcomes_of, hang=any(Outcome.HANG in each for each in outcomes_of))
-    answers = OrderFree(compiled, constraints, AnalysisOptions()).answers()
+    names = [plan.path(each).removeprefix("/machine/") for each in plan.runners]
+    options = options_of(names, outcomes_of)
+    constraints = constraints_under(options, compiled)
+    assert constraints.allowed == outcomes_of
+    answers = OrderFree(compiled, constraints, options).answers()
     if answers is not None:
+        plain = Plain(compiled.automaton, Definitions(compiled, options), by_scenario=True)
         scenarios = [
             (finding.rule, finding.scenario.ends.value)
-            for finding in Findings(answers, compiled.automaton, 100).all()
+            for finding in Findings(answers, plain, 100).all()
             if finding.scenario is not None
         ]
         assert {end for rule, end in scenarios if rule == "GP305"} <= {"GAVE_UP"}
@@ -71,6 +78,15 @@ def test_what_depends_on_no_order(lines: tuple[str, ...], free: bool) -> None:
 def test_which_end_comes_first_is_left_to_the_search() -> None:
     lines = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED end", "b SUCCEEDED lost")
     assert answers_of(machine(*lines)) is None
+
+
+def test_ends_that_only_another_outcome_triggers_both_are_left_to_the_search() -> None:
+    """It gave up before r0 had its outcome, which an assumption fixes: r0 is not to blame."""
+    lines = ("start SUCCEEDED r0", "start SUCCEEDED lost", "r0 SUCCEEDED end")
+    assert answers_of(machine(*lines), [frozenset({Outcome.FAILED})]) is None
+    (report,) = gpsfsm.check(machine(*lines), assume=["r0 fails"]).plans
+    assert report.facts is not None
+    assert [each.effect for each in report.facts.dangling] == ["dont_care"]
 
 
 def test_an_instance_that_starts_too_late_is_no_orphan() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpsfsm.analysis.constraints import constraints_of
+from gpsfsm.analysis.constraints import constraints_of, constraints_under
 from gpsfsm.analysis.decide import decide
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking.machine_check import decide_machine
@@ -110,6 +112,15 @@ def constrained_plans(draw: st.DrawFn) -> tuple[oracle.P, frozenset[str], bool, 
     return whole, faults, draw(st.booleans()), [] if assumed is None else [str(assumed)]
 
 
+def of_machine(text: str, machine: Plan, plan: Plan) -> str:
+    """An assumption about the runners of a plan, about those of its machine."""
+    paths = {
+        plan.path(origin): machine.path(runner).removeprefix("/machine/")
+        for runner, origin in zip(machine.runners, plan.runners, strict=True)
+    }
+    return re.sub(r"/Plan[^\s)]*", lambda match: f'name "{paths[match[0]]}"', text)
+
+
 @settings(max_examples=many(20))
 @given(constrained_plans())
 def test_what_ties_runners_together_means_the_same(
@@ -122,7 +133,15 @@ def test_what_ties_runners_together_means_the_same(
     machine, problems = machine_of(compiled.automaton.graph)
     assert machine is not None, problems
     facts = decide(compiled, limits, OPTIONS).facts()
-    decided = decide_machine(compile_plan(machine), limits, OPTIONS)
+    options = replace(
+        OPTIONS,
+        faults=tuple(faults),
+        consistent=consistent,
+        assumptions=tuple(of_machine(text, machine, plan) for text in assumptions),
+    )
+    same = compile_plan(machine)
+    limits = constraints_under(options, same)
+    decided = decide_machine(same, limits, options)
     assert decided.contradictory is (facts is None)
     if facts is not None:
         assert decided.facts is not None

@@ -8,14 +8,17 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import gpsfsm
 from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.analysis.decide import Deciders
-from gpsfsm.analysis.decisions import analyses
+from gpsfsm.analysis.decisions import analyses, fewest
 from gpsfsm.analysis.decisions.dangling import DanglingEvent
 from gpsfsm.analysis.decisions.joins import Deadlock
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.proof.prove import prove
-from gpsfsm.compile import compile_plan
+from gpsfsm.analysis.proof.refutation import Refutation
+from gpsfsm.analysis.structure import Structure
+from gpsfsm.compile import UnitKind, compile_plan
 from gpsfsm.errors import InternalError
 from gpsfsm.model.report import By, Frequency
 from tests.cases import many
@@ -33,7 +36,7 @@ WHOLE, BY_UNITS = 200, 0
 either = pytest.mark.parametrize("up_to", [WHOLE, BY_UNITS])
 
 
-def deciders_of(whole: oracle.P, up_to: int, assumptions: Sequence[str] = ()) -> Deciders:
+def deciders_of(whole: oracle.P | str, up_to: int, assumptions: Sequence[str] = ()) -> Deciders:
     plan = plan_of(whole)
     compiled = compile_plan(plan)
     options = AnalysisOptions(second_opinion=up_to, assumptions=tuple(assumptions))
@@ -124,3 +127,86 @@ def test_a_wrong_answer_is_never_proved(up_to: int, whole: oracle.P) -> None:
         except (InternalError, AssertionError, KeyError, ValueError):
             continue  # where nothing shows it, no scenario can be made either
         assert name in proof.unproved, (name, changed[name], answers[name])
+
+
+def chain(pairs: int) -> str:
+    """A plan of so many parallel_any of two runners."""
+    runner = '<Runner interface="A" provider="A"/>'
+    both = f'<Control type="parallel_any">{runner}{runner}</Control>'
+    return f"<Plan>{both * pairs}</Plan>"
+
+
+def rules_of(text: str) -> set[str]:
+    (report,) = gpsfsm.check(text).plans
+    return {finding.rule for finding in report.findings if finding.severity == "error"}
+
+
+both_sizes = pytest.mark.parametrize("pairs", [1, 125])
+
+
+@both_sizes
+def test_a_failure_too_many_is_a_defect_at_any_size(
+    pairs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The run has two failures where three are claimed, and the third class has no member."""
+    assert rules_of(chain(pairs)) == set()
+    right = fewest._parallel
+
+    def wrong(children: Any, needed: int, *, waits: bool) -> Any:
+        unit = right(children, needed, waits=waits)
+        return unit._replace(failure=unit.failure + (needed == 1))
+
+    monkeypatch.setattr(fewest, "_parallel", wrong)
+    assert rules_of(chain(pairs)) == {"GP903"}
+    monkeypatch.setattr(fewest, "_require_spans", lambda *_: None)
+    assert rules_of(chain(pairs)) == {"GP903"}  # by the run alone
+
+
+@both_sizes
+def test_a_run_that_does_not_show_its_claim_is_a_defect_at_any_size(
+    pairs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Structure, "failing", lambda *_: iter([0]))  # of two that have to fail
+    deciders = deciders_of(chain(pairs), WHOLE)
+    answers = proposed(deciders)
+    with pytest.raises(InternalError, match="does not show"):
+        prove(deciders, answers)
+
+
+@both_sizes
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda spans, unit, child: {**spans, child: spans[unit]},  # not disjoint
+        lambda spans, unit, child: {**spans, child: (0, 0)},  # empty
+        lambda spans, unit, child: {each: spans[each] for each in spans if each != child},
+    ],
+)
+def test_classes_that_leave_a_failure_out_are_a_defect(pairs: int, wrong: Any) -> None:
+    deciders = deciders_of(chain(pairs), WHOLE)
+    structure = deciders.structure
+    assert structure is not None
+    spans = fewest.spans_of(structure, 2)
+    units = structure.units
+    unit = next(u for u in spans if units.kinds[u] is UnitKind.ANY)
+    with pytest.raises(InternalError, match="classes of failures"):
+        fewest._require_spans(structure, wrong(spans, unit, units.children[unit][0]))
+
+
+def test_a_class_without_a_member_is_a_defect(monkeypatch: pytest.MonkeyPatch) -> None:
+    deciders = deciders_of(chain(1), WHOLE)
+    structure = deciders.structure
+    assert structure is not None
+    spans = fewest.spans_of(structure, 2)
+    monkeypatch.setattr(fewest, "spans_of", lambda *_: spans)
+    with pytest.raises(InternalError, match="no member"):
+        fewest.refute(3, Refutation(structure))
+
+
+def test_failures_that_must_come_and_are_not_needed_come_too_late() -> None:
+    both = '<Control type="parallel_all"><Runner interface="A" provider="A"/>\n'
+    text = f'<Plan>{both}<Runner interface="B" provider="B"/></Control></Plan>'
+    deciders = deciders_of(text, WHOLE, ["A fails", "B fails"])
+    answers = proposed(deciders)
+    assert answers["fewest"] == 1
+    assert not prove(deciders, answers).unproved
