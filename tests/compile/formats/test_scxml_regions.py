@@ -19,6 +19,7 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.compile.formats import CannotSayError
 from gpsfsm.compile.formats.scxml_writing import write_regions as write
 from gpsfsm.compile.plan_text import read_plan, read_plan_or_machine
+from gpsfsm.compile.units import MachinePlan
 from gpsfsm.equivalence import convert_plan
 from gpsfsm.equivalence.comparison import compare
 from tests.analysis.machines.random_machines import automaton_of, machine, machines
@@ -144,7 +145,9 @@ def test_whatever_is_changed_in_a_written_text_is_refused_or_seen(name: str) -> 
         if parsed.plan is None:
             assert parsed.problems
         else:
-            assert elements_of(compile_plan(parsed.plan).automaton) != before, changed
+            assert isinstance(parsed.plan, MachinePlan)
+            other = elements_of(compile_plan(parsed.plan).automaton) != before
+            assert other or parsed.plan.approximations, changed
 
 
 CHANGES = (
