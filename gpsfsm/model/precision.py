@@ -52,6 +52,10 @@ class Cause(StrEnum):
     NAMESPACE = "it belongs to another namespace"
     NO_MEANING = "it does not affect the runs"
     NOT_WRITTEN = "the file does not say it"
+    PREEMPTION = "nobody is assumed to preempt it"
+    VERSIONS = "versions of the engine differ in it"
+    IMPORTS = "it is assumed to replace no name that this file uses"
+    ANOTHER_MACHINE = "another machine of the file was read"
 
 
 @dataclass(frozen=True, slots=True)

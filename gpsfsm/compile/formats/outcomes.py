@@ -23,14 +23,15 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.compile.formats.elements import problem
-from gpsfsm.compile.machines import Place, ReadMachine, machine_of
+from gpsfsm.compile.machines import Place, ReadMachine, machine_of, mark
 from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Location
+from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     import networkx as nx
 
@@ -80,15 +81,20 @@ class State:
     early: bool = False
     open_end: bool = False  # a function in the file decides how it ends, and nobody knows how
     rules: list[tuple[str, Mapping[str, str]]] = field(default_factory=list)
+    rules_before: list[tuple[str, Mapping[str, str]]] | None = None  # of other versions
     default: str = ""
+    undeclared: tuple[str, ...] = ()  # outcomes that only its class can tell
+    marks: tuple[Approximation, ...] = ()  # of the leaf itself
 
 
-def machine_from(top: State, file: str) -> ReadMachine:
+def machine_from(
+    top: State, file: str, *, approximations: Iterable[Approximation] = ()
+) -> ReadMachine:
     """The machine of an outermost container, or what is wrong with it."""
     writer = _Writer(top)
     if writer.problems:
         return None, tuple(writer.problems)
-    return machine_of(writer.graph, file=file, places=writer.places)
+    return machine_of(writer.graph, file=file, places=writer.places, approximations=approximations)
 
 
 class _Scope:
@@ -222,7 +228,7 @@ class _Writer:
 
     def _leaf(self, scope: _Scope, state: State) -> None:
         path = f"{scope.path}/{state.name}" if scope.path else state.name
-        state.parameters["@node"] = self._node(
+        state.parameters["@node"] = node = self._node(
             path,
             state.place,
             kind="runner",
@@ -231,6 +237,15 @@ class _Writer:
                 key: value for key, value in state.parameters.items() if not key.startswith("@")
             },
         )
+
+        mark(self.graph, node, *state.marks)
+        around: _Scope | None = scope
+        while around is not None and around.state.kind != "PriorityContainer":
+            around = around.outer
+        while around is not None and not around.state.parallel:
+            around = around.outer
+        if around is not None:  # the others beside the container do not wait
+            self._mark(node, state, Cause.PRIORITY)
 
     def _choice(
         self, scope: _Scope | None, of: str, place: Place, signals: list[Signal]
@@ -283,14 +298,43 @@ class _Writer:
     def _outcomes(self, scope: _Scope, state: State) -> None:
         """The outcomes of a state: by its two events, and choices where these are not enough."""
         node = state.parameters["@node"]
-        outcomes = list(dict.fromkeys((*state.transitions, *state.outcomes))) or ["done"]
+        besides = [each for each in state.undeclared if each not in state.outcomes]
+        every = dict.fromkeys((*state.transitions, *state.outcomes))
+        outcomes = [each for each in every if each not in besides]
+        if not outcomes:  # nobody knows any
+            outcomes, besides = list(every) or ["done"], []
+            if state.undeclared:
+                self._mark(node, state, Cause.UNDECLARED)
         failures = [each for each in outcomes if is_failure(each)]
         others = [each for each in outcomes if each not in failures]
         if not failures or not others:
             kept = outcomes
             others, failures = (kept[:1], kept[1:]) if len(kept) > 1 else (kept, kept)
         for event, names in ((Event.SUCCEEDED, others), (Event.FAILED, failures)):
-            self._among((node, event), scope, state, names)
+            signal = (node, event)
+            for each in besides:
+                targets = [state.transitions.get(name, name) for name in names]
+                if is_failure(each) is (event is Event.FAILED) and (
+                    state.transitions.get(each, each) not in targets
+                ):
+                    signal = self._besides(signal, scope, state, each)
+            self._among(signal, scope, state, names)
+
+    def _besides(self, signal: Signal, scope: _Scope, state: State, outcome: str) -> Signal:
+        """An outcome that the state may have or not: its way is marked, not what else it does."""
+        of = f"{state.parameters['@node']}: {outcome}"
+        taken, other = self._choice(scope, of, state.place, [signal])
+        tick = self._node(f"{of} perhaps", state.place, kind="runner", interface=TICK)
+        scope.added.append(tick)
+        self._connect([taken], tick)
+        self._mark(tick, state, Cause.UNDECLARED)
+        self._leave((tick, _DONE), scope, state, outcome)
+        return other
+
+    def _mark(self, node: str, state: State, cause: Cause) -> None:
+        place = state.place
+        location = Location(place.line, place.column, clip(f"/machine/{state.name}", 200))
+        mark(self.graph, node, Approximation(Reading.OVER, state.kind, location, cause))
 
     def _among(self, signal: Signal, scope: _Scope, state: State, outcomes: list[str]) -> None:
         """One of several outcomes; those that lead to the same place need no choice."""
@@ -343,7 +387,7 @@ class _Writer:
         size = 1
         for each in state.states:
             spoken = [items[each.name] for _, items in state.rules if each.name in items]
-            declared = list(dict.fromkeys((*each.outcomes, *each.transitions)))
+            declared = list(dict.fromkeys((*each.outcomes, *each.transitions, *each.undeclared)))
             rows = list(dict.fromkeys(spoken))
             if any(outcome not in rows for outcome in declared) or not declared:
                 rows.append("*")
@@ -370,15 +414,27 @@ class _Writer:
                         if name == outcome or (outcome == "*" and name not in spoken[position])
                     ]
                     self._connect(signals, join)
-                self._end(scope, outer, (join, Event.SUCCEEDED), self._result(scope, combination))
+                signal = (join, _DONE)
+                result, *others = self._results(scope, combination)
+                for other in others:  # of another version
+                    of = f"{scope.path or state.name}: {', '.join(combination)}: {other}"
+                    tick = self._tick(scope, f"{of} or not", [signal])
+                    taken, signal = self._choice(outer, of, state.place, [(tick, _DONE)])
+                    self._mark(taken[0], state, Cause.VERSIONS)
+                    self._end(scope, outer, taken, other)
+                self._end(scope, outer, signal, result)
 
-    def _result(self, scope: _Scope, combination: tuple[str, ...]) -> str:
+    def _results(self, scope: _Scope, combination: tuple[str, ...]) -> list[str]:
+        """How a combination ends the concurrence, in all versions of the engine."""
         state = scope.state
         here = {each.name: outcome for each, outcome in zip(state.states, combination, strict=True)}
-        for outcome, items in state.rules:
-            if all(here[name] == wanted for name, wanted in items.items()):
-                return outcome
-        return state.default
+        every = [state.rules] if state.rules_before is None else [state.rules, state.rules_before]
+        return list(
+            dict.fromkeys(
+                next((out for out, items in rules if items.items() <= here.items()), state.default)
+                for rules in every
+            )
+        )
 
     def _early(self, scope: _Scope) -> None:
         """Each rule has a join, and ends the concurrence as soon as it holds.
@@ -426,6 +482,7 @@ class _Writer:
         if state.open_end:
             inside = list(self._runners(scope))
             early, _ = self._choice(None, f"{path}: this ends all others", state.place, ends)
+            self._mark(early[0], state, Cause.CODE)
             for node in (*inside, last[0]):
                 self._connect([early], node, "stop")
             self._connect([last], early[0], "stop")
@@ -441,6 +498,8 @@ class _Writer:
                 return
             of = f"{path}: {outcome}"
             taken, other = self._choice(scope.outer, of, state.place, signals)
+            cause = Cause.CODE if state.open_end else Cause.COMBINATIONS
+            self._mark(taken[0], state, cause)
             self._end(scope, scope.outer, taken, outcome)
             signals = [other]
 

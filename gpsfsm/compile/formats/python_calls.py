@@ -1,0 +1,891 @@
+"""Expressions and calls of Python that is read and not executed.
+
+A function or a class of the file is followed. A call of anything else may change what it is handed,
+and may add states to a container that is open; so the one is unknown afterwards, the other refused.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+from typing import TYPE_CHECKING, Any, Final
+
+from gpsfsm.compile.formats.python_builders import (
+    CONTAINERS,
+    HARMLESS_METHODS,
+    STATES,
+    Builder,
+    Container,
+    texts,
+)
+from gpsfsm.compile.formats.python_values import (
+    CHANGING,
+    UNKNOWN,
+    Bound,
+    Class,
+    FailsError,
+    Function,
+    Instance,
+    Library,
+    Scope,
+    compared,
+    dotted,
+    function_result,
+    joined_text,
+    method_result,
+    operated,
+    plain,
+    row,
+    truth,
+)
+from gpsfsm.model.precision import Cause, Reading
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+MOST_VALUES: Final = 500_000
+_DEEPEST: Final = 12
+FAMILY = ("smach", "smach_ros", "flexbe_core")
+_HARMLESS = frozenset(
+    {"rospy", "roslib", "rclpy", "time", "math", "os", "sys", "logging", "threading", "actionlib"}
+    | {"tf", "numpy", "copy", "json", "datetime", "signal", "argparse", "re", "random", "container"}
+    | {"actionlib_msgs", "collections", "itertools", "string", "traceback", "functools", "self"}
+)
+"""Modules that know nothing of machines."""
+_KEEPING = frozenset({"rospy", "copy", "math", "time", "logging", "json", "container", "smach_ros"})
+"""Modules of these that leave alone what they are handed."""
+_WITH_MACHINES = ("IntrospectionServer", "ActionServerWrapper", "set_preempt_handler", "Bag")
+_FORBIDDEN = frozenset(
+    {"exec", "eval", "compile", "globals", "locals", "vars", "__import__", "setattr", "delattr"}
+    | {"getattr", "type", "breakpoint"}
+)
+_PRIVATE = frozenset(
+    {"set_initial_state", "add_auto", "_transitions", "_states", "_initial_state_label"}
+    | {"_connector_outcomes", "_outcome_map", "_default_outcome", "_conditions", "_labels"}
+)
+_SPECIAL = ("__getattr__", "__getattribute__", "__setattr__", "__new__", "__enter__", "add")
+_OVERRIDDEN = (*_SPECIAL, "__init_subclass__", "get_registered_outcomes", "register_outcomes")
+_EXITS = ("sys.exit", "os._exit", "builtins.exit", "builtins.quit")
+MOST_STEPS: Final = 50_000
+_MOST_ROUNDS: Final = 8
+MISSING: Final[Any] = object()
+Arguments = tuple[list[Any] | None, dict[str, Any]]
+"""None where a star hides which they are."""
+
+
+class LeaveError(Exception):
+    """A statement that leaves the loop or the function around it, which may return a value."""
+
+    def __init__(self, value: Any = None) -> None:
+        super().__init__()
+        self.value = value
+
+
+class BreakError(LeaveError):
+    """A ``break``."""
+
+
+class ContinueError(LeaveError):
+    """A ``continue``."""
+
+
+class RaiseError(Exception):
+    """A statement that raises an exception."""
+
+
+class TooMuchError(Exception):
+    """More statements than are followed."""
+
+
+class Calls(Builder):
+    """The values of expressions, and what calls do."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.globals = Scope()
+        self.functions: list[Function] = []
+        self.called: set[Any] = set()
+        self.instances: list[Instance] = []
+        self.haunted: set[str] = set()  # names that code writes which is called later
+        self.scanned: set[int] = set()
+        self.strangers = False  # another file may give names that are not seen
+        self.born: dict[int, tuple[tuple[int, ...], Any]] = {}
+        self.depth = self.values = self.steps = self.serial = self.constructing = 0
+        self.left = False  # a path may have left the function that is followed
+        self.journal: list[tuple[dict[Any, Any], Any, Any]] = []
+
+    def block(self, body: Sequence[ast.stmt], scope: Scope) -> None:
+        """Follow statements."""
+        raise NotImplementedError
+
+    def assign(self, target: ast.expr, value: Any, scope: Scope) -> None:
+        """Follow an assignment."""
+        raise NotImplementedError
+
+    # -- what only a run decides ------------------------------------------------------------
+
+    def write(self, mapping: dict[Any, Any], key: Any, value: Any) -> None:
+        """A name or an attribute gets a value."""
+        if self.branch:
+            self.journal.append((mapping, key, mapping.get(key, MISSING)))
+        mapping[key] = value
+
+    def perhaps(self, *actions: Callable[[], object], torn: bool = False) -> bool:
+        """Actions of which only a run decides whether they are done: what they change is unknown.
+
+        A name that had no value before keeps the new one, since without it the run fails. ``torn``:
+        an exception may leave them in their midst. Returns True if anything is different.
+        """
+        before = len(self.lost)
+        changed, ends = False, []
+        for action in actions:
+            outside, journal, opened = self.branch, self.journal, list(self.open)
+            self.serial += 1
+            self.branch, self.journal = (*outside, self.serial), []
+            try:
+                ends.append(_end(action))
+            finally:
+                rows, self.branch, self.journal = self.journal, outside, journal
+                self.open = opened
+            for mapping, key, old in {(id(e[0]), e[1]): e for e in reversed(rows)}.values():
+                value = mapping.pop(key, MISSING)
+                if old is not MISSING:
+                    mapping[key] = old
+                if ends[-1] == "raise" and not torn:
+                    continue
+                lasting = not torn or isinstance(value, Library | Function | Class)
+                kept = lasting and (old is MISSING or _same(old, value))
+                changed |= not kept and old is not UNKNOWN
+                self.write(mapping, key, value if kept else UNKNOWN)
+        self.left |= "leave" in ends
+        if {*ends} == {"raise"}:
+            raise RaiseError
+        return changed or len(self.lost) > before
+
+    def repeated(self, body: Callable[[], object]) -> None:
+        """A loop of which only a run decides how often it goes round."""
+        made = len(self.containers)
+        for _ in range(_MOST_ROUNDS):
+            del self.containers[made:]  # those of the round before
+            if not self.perhaps(body, lambda: None):
+                return
+        raise TooMuchError
+
+    def certain(self, value: Any) -> bool:
+        """True if the program gets here wherever it makes a value; else the value is lost."""
+        born = self.born.get(id(value), ((), value))[0]
+        if born[: len(self.branch)] == self.branch:
+            return True
+        self.lose(value, None)
+        return False
+
+    def fresh(self, value: Any) -> Any:
+        """A row or a dictionary that is made here."""
+        if self.branch:
+            self.born[id(value)] = (self.branch, value)
+        return value
+
+    # -- expressions ------------------------------------------------------------------------
+
+    def value(self, node: ast.expr, scope: Scope) -> Any:
+        """The value of an expression, as far as the source says it."""
+        self.values += 1
+        if self.values > MOST_VALUES:
+            raise TooMuchError
+        match node:
+            case ast.Constant():
+                return node.value
+            case ast.Name():
+                result = self._name(node.id, scope)
+            case ast.Attribute():
+                result = self.attribute(self.value(node.value, scope), node.attr, node)
+            case ast.Call():
+                result = self._called(node, scope)
+            case ast.List() | ast.Tuple():
+                rows = self._elements(node.elts, scope)
+                result = UNKNOWN if rows is None else rows
+                if isinstance(node, ast.Tuple) and rows is not None:
+                    result = tuple(rows)
+                self.fresh(result)
+            case ast.Dict():
+                result = self.fresh(self._dictionary(node, scope))
+            case _:
+                result = self._combined(node, scope)
+        return UNKNOWN if id(result) in self.lost else result
+
+    def _name(self, name: str, scope: Scope) -> Any:
+        if name in self.haunted:
+            return UNKNOWN
+        known = scope.get(name)
+        if known is not None:
+            return known[0]
+        if name == "__name__":
+            return "__main__"  # the file is the program
+        if hasattr(builtins, name):
+            return Library(f"builtins.{name}")
+        if self.strangers and name in ("smach", "smach_ros", *CONTAINERS, *STATES):
+            return Library(name if name in FAMILY else f"smach.{name}")
+        return UNKNOWN
+
+    def _elements(self, nodes: Iterable[ast.expr], scope: Scope) -> list[Any] | None:
+        """Values in their order; None where a star hides how many."""
+        result: list[Any] | None = []
+        for each in nodes:
+            value = self.value(each.value if isinstance(each, ast.Starred) else each, scope)
+            if not isinstance(each, ast.Starred):
+                if result is not None:
+                    result.append(value)
+            elif result is None or not row(value):
+                result = None
+            else:
+                result.extend(value)
+        return result
+
+    def _dictionary(self, node: ast.Dict, scope: Scope) -> Any:
+        result: Any = {}
+        for key, each in zip(node.keys, node.values, strict=True):
+            name = None if key is None else self.value(key, scope)
+            value = self.value(each, scope)
+            if key is None and isinstance(value, dict) and result is not UNKNOWN:
+                result.update(value)
+            elif key is None or not plain(name) or isinstance(name, list | dict):
+                result = UNKNOWN
+            elif result is not UNKNOWN:
+                result[name] = value
+        return result
+
+    def _combined(self, node: ast.expr, scope: Scope) -> Any:
+        match node:
+            case ast.JoinedStr():
+                return joined_text([self._part(each, scope) for each in node.values])
+            case ast.BinOp():
+                left, right = self.value(node.left, scope), self.value(node.right, scope)
+                return self.fresh(operated(node.op, left, right))
+            case ast.UnaryOp():
+                return self._unary(node, scope)
+            case ast.BoolOp():
+                return self._either(node.values, scope, stop=isinstance(node.op, ast.Or))
+            case ast.Compare():
+                return self._compare(node, scope)
+            case ast.IfExp():
+                test = truth(self.value(node.test, scope))
+                if test is UNKNOWN:
+                    return self._either_of((node.body, node.orelse), scope)
+                return self.value(node.body if test else node.orelse, scope)
+            case ast.Subscript():
+                return self._item(node, scope)
+            case ast.NamedExpr():
+                value = self.value(node.value, scope)
+                self.assign(node.target, value, scope)
+                return value
+            case ast.Lambda():
+                made = Function(node, scope)
+                self.later(made)
+                return made
+            case ast.ListComp() | ast.DictComp() | ast.SetComp() | ast.GeneratorExp():
+                self.repeated(lambda: self._all_of(node, Scope(scope)))
+                return UNKNOWN
+        self._all_of(node, scope)
+        return UNKNOWN
+
+    def _all_of(self, node: ast.AST, scope: Scope) -> None:
+        """All expressions in one that is not followed itself."""
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.comprehension):
+                self.value(child.iter, scope)
+                self.assign(child.target, UNKNOWN, scope)
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.expr):
+                self.value(child, scope)
+
+    def _either_of(self, nodes: Sequence[ast.expr], scope: Scope) -> Any:
+        """Expressions of which only a run decides whether they are evaluated."""
+        for each in nodes:
+            self.perhaps(lambda each=each: self.value(each, scope), lambda: None)  # type: ignore[misc]
+        return UNKNOWN
+
+    def _unary(self, node: ast.UnaryOp, scope: Scope) -> Any:
+        value = self.value(node.operand, scope)
+        if isinstance(node.op, ast.Not):
+            test = truth(value)
+            return test if test is UNKNOWN else not test
+        negative = isinstance(node.op, ast.USub) and isinstance(value, int | float)
+        return -value if negative else UNKNOWN
+
+    def _either(self, nodes: Sequence[ast.expr], scope: Scope, *, stop: bool) -> Any:
+        value: Any = UNKNOWN
+        for number, each in enumerate(nodes):
+            value = self.value(each, scope)
+            test = truth(value)
+            if test is UNKNOWN and number + 1 < len(nodes):
+                return self._either_of(nodes[number + 1 :], scope)
+            if test is stop:
+                return value
+        return value
+
+    def _compare(self, node: ast.Compare, scope: Scope) -> Any:
+        left, result = self.value(node.left, scope), True
+        for number, (kind, each) in enumerate(zip(node.ops, node.comparators, strict=True)):
+            right = self.value(each, scope)
+            result = compared(kind, left, right)
+            if result is UNKNOWN:
+                return self._either_of(node.comparators[number + 1 :], scope)
+            if not result:
+                return False
+            left = right
+        return result
+
+    def _part(self, node: ast.expr, scope: Scope) -> Any:
+        """A part of a formatted text; unknown if it is written in a form of its own."""
+        if not isinstance(node, ast.FormattedValue):
+            return self.value(node, scope)
+        simple = node.format_spec is None and node.conversion == -1
+        value = self.value(node.value, scope)
+        return value if simple else UNKNOWN
+
+    def _item(self, node: ast.Subscript, scope: Scope) -> Any:
+        whole = self.value(node.value, scope)
+        key = self.value(node.slice, scope)
+        if isinstance(whole, Container):
+            self.fault(node, "the states of a container are not followed", "write them out")
+        if not isinstance(whole, dict | list | tuple | str) or not plain(key):
+            return UNKNOWN
+        try:
+            return whole[key]
+        except (LookupError, TypeError) as error:
+            raise FailsError from error
+
+    def attribute(self, owner: Any, name: str, node: ast.AST) -> Any:
+        """An attribute of a value."""
+        if isinstance(owner, Library):
+            return Library(f"{owner.name}.{name}")
+        if name in self.haunted:
+            return UNKNOWN
+        if isinstance(owner, Class):
+            value = owner.get(name)
+            return UNKNOWN if value is None else value
+        if isinstance(owner, Instance):
+            value = None if owner.of is None else owner.of.get(name)
+            value = owner.attributes.get(name, value)
+            if isinstance(owner, Container) and (value is None or isinstance(value, Library)):
+                return self._of_container(owner, name, node)
+            return self._bound(value, owner)
+        return Bound(name, owner) if isinstance(owner, str | list | dict | tuple) else UNKNOWN
+
+    def _bound(self, value: Any, owner: Any) -> Any:
+        if isinstance(value, Function) and value.owner is not None and not value.static:
+            return Bound(value, owner)
+        if isinstance(value, Library) and value.name.partition(".")[0] in FAMILY:
+            return Bound(value, owner)
+        return UNKNOWN if value is None else value
+
+    def _of_container(self, owner: Container, name: str, node: ast.AST) -> Any:
+        if name in ("add", "add_auto"):
+            return Library(f"smach.{owner.kind}.{name}")
+        if name in ("execute", "async_execute"):
+            self.executed.append(owner)
+        if name in ("set_initial_state", "initial_state", "open", "close", "opened"):
+            return Bound(name, owner)
+        if name in HARMLESS_METHODS:
+            return Library(f"container.{name}")
+        message = f"{name!r} of a container is not followed"
+        self.fault(node, message, "build the machine with add and set_initial_state only")
+        return UNKNOWN
+
+    # -- what code that is not followed may do ----------------------------------------------
+
+    def lose(self, value: Any, node: ast.AST | None) -> None:
+        """Code that is not followed gets a value: nothing is certain of it from here on."""
+        if id(value) in self.lost or isinstance(value, str | int | float | None | range):
+            return
+        if isinstance(value, Container):
+            value.lost = True
+            if node is not None:
+                message = "what this does to a container is decided in code that is not followed"
+                self.fault(node, message, "build the machine in this file")
+            return
+        if isinstance(value, Function | Bound):
+            self.later(value)
+            if isinstance(value, Bound) and not isinstance(value.function, Function):
+                self.lose(value.owner, node)
+            return
+        self.lost[id(value)] = value
+        if isinstance(value, Instance):
+            del self.lost[id(value)]
+            held = value.attributes
+            value.open, value.attributes = True, {}
+            for each in held.values():
+                self.lose(each, node)
+        elif isinstance(value, list | tuple | dict):
+            for each in list(value.values() if isinstance(value, dict) else value):
+                self.lose(each, node)
+
+    def later(self, value: Any) -> None:
+        """A function that may be called at any time from here on."""
+        function = value.function if isinstance(value, Bound) else value
+        if not isinstance(function, Function) or id(function) in self.scanned:
+            return
+        self.scanned.add(id(function))
+        nodes = [*ast.walk(function.node)]
+        names = {each.id for each in nodes if isinstance(each, ast.Name) and _stores(each)}
+        for each in nodes:
+            if isinstance(each, ast.Global | ast.Nonlocal):
+                self.haunted |= names & {*each.names}
+                names -= {*each.names}
+        calls = [each for each in nodes if isinstance(each, ast.Call)]
+        builds = any(dotted(each.func).rpartition(".")[2] in CONTAINERS for each in calls)
+        names |= {each.arg for each in nodes if isinstance(each, ast.arg)}
+        for each in nodes:
+            if isinstance(each, ast.Attribute):
+                base = dotted(each.value).rpartition(".")[2]
+                adds = each.attr == "add" and base in CONTAINERS
+                if (each.attr in _PRIVATE or adds) and not builds:
+                    message = f"{each.attr!r} may change the machine while it runs"
+                    self.fault(each, message, "build the whole machine before it is executed")
+            for changed in _changed_by(each):
+                spot = changed.attr if isinstance(changed, ast.Attribute) else changed.id
+                if isinstance(changed, ast.Attribute) or spot not in names:
+                    self.haunted.add(spot)
+
+    def changed_attribute(self, owner: Any, name: str, value: Any, node: ast.AST) -> None:
+        """An attribute is assigned."""
+        if isinstance(owner, Library):
+            if owner.name.partition(".")[0] in FAMILY and "(" not in owner.name:
+                self.fault(node, f"{owner.name}.{name} is replaced", "leave the library as it is")
+            elif "(" not in owner.name and not owner.name.startswith("container."):
+                self.lose(value, node)
+        elif isinstance(owner, Container) and (name.startswith("_") or name in HARMLESS_METHODS):
+            if name not in ("userdata", "name"):
+                self.fault(node, f"{name!r} of a container is replaced", "leave it as it is")
+        elif isinstance(owner, Instance) and name in ("_outcomes", "get_registered_outcomes"):
+            self.fault(node, "the outcomes of a state are replaced", "hand them to its base class")
+        elif isinstance(owner, Instance):
+            self.write(owner.attributes, name, value)
+        elif isinstance(owner, Class):
+            self.write(owner.names, name, value)
+        else:
+            self.lose(owner, node)
+            self.lose(value, node)
+
+    def changed_item(
+        self, owner: Any, key: Any, node: ast.AST, value: Any = None, *, delete: bool = False
+    ) -> None:
+        """An item is assigned, or deleted."""
+        if isinstance(owner, Container):
+            self.fault(node, "the states of a container are replaced", "add other states")
+        if not isinstance(owner, list | dict):
+            if not isinstance(owner, Library):
+                self.lose(value, node)
+        elif not plain(key) or isinstance(key, list | dict):
+            self.lose(owner, node)
+        elif self.certain(owner):
+            try:
+                if delete:
+                    del owner[key]
+                else:
+                    owner[key] = value
+            except (LookupError, TypeError) as error:
+                raise FailsError from error
+
+    # -- functions and classes --------------------------------------------------------------
+
+    def function(self, node: ast.FunctionDef, scope: Scope) -> Any:
+        """A function where it is defined."""
+        parameters = node.args
+        made = Function(node, scope if scope.body is None else scope.body)
+        names = [each.arg for each in (*parameters.posonlyargs, *parameters.args)]
+        values = [self.value(each, scope) for each in parameters.defaults]
+        made.defaults = dict(zip(reversed(names), reversed(values), strict=False))
+        self.functions.append(made)
+        for each in node.decorator_list:
+            decorator = self.value(each, scope)
+            made.static = decorator == Library("builtins.staticmethod")
+            if not made.static:
+                self.later(made)
+                if not _in_family(decorator) and self.open:
+                    self.fault(each, "what this decorator does is not followed", "leave it out")
+                return UNKNOWN
+        return made
+
+    def class_of(self, node: ast.ClassDef, scope: Scope) -> Any:
+        """A class where it is defined."""
+        bases = [self.value(each, scope) for each in node.bases]
+        inner = Scope(scope)
+        inner.body = scope
+        self.block(node.body, inner)
+        if node.keywords or node.decorator_list or {*inner.names} & {*_OVERRIDDEN}:
+            return UNKNOWN
+        bases = [each for each in bases if each != Library("builtins.object")]
+        made = Class(node.name, bases, inner.names)
+        for each in inner.names.values():
+            if isinstance(each, Function):
+                each.owner = made
+        return made
+
+    def call(
+        self,
+        function: Function,
+        arguments: list[Any] | None,
+        keywords: dict[str, Any],
+        node: ast.AST,
+        *,
+        owner: Any = None,
+    ) -> Any:
+        """A call of a function of the file. Arguments that are None may be any."""
+        self.called.add(function)
+        inner = [*_own(function.node)]
+        if any(isinstance(each, ast.Yield | ast.YieldFrom | ast.Await) for each in inner):
+            self.later(function)
+            return UNKNOWN
+        if self.depth >= _DEEPEST:
+            self.fault(node, "these functions call each other too deeply", "write them out")
+            return UNKNOWN
+        scope = Scope(function.scope, function.owner)
+        self._bind(function, scope, arguments, keywords, owner)
+        left, self.left = self.left, False
+        result = None
+        self.depth += 1
+        try:
+            if isinstance(function.node, ast.Lambda):
+                return self.value(function.node.body, scope)
+            self.block(function.node.body, scope)
+        except LeaveError as returned:
+            result = returned.value
+        finally:
+            self.depth -= 1
+            partly, self.left = self.left, left
+        return UNKNOWN if partly else result
+
+    def _bind(
+        self,
+        function: Function,
+        scope: Scope,
+        arguments: list[Any] | None,
+        keywords: dict[str, Any],
+        owner: Any,
+    ) -> None:
+        parameters = function.node.args
+        names = [each.arg for each in (*parameters.posonlyargs, *parameters.args)]
+        every = [each.arg for each in ast.walk(parameters) if isinstance(each, ast.arg)]
+        scope.names = dict.fromkeys(every, UNKNOWN)
+        own = [] if owner is None else [owner]
+        simple = len(every) == len(names)
+        if arguments is None or not simple:
+            scope.names |= dict(zip(names, own, strict=False))
+            for each in (*(arguments or ()), *keywords.values()):
+                self.lose(each, function.node)
+            return
+        arguments = [*own, *arguments]
+        if (
+            len(arguments) > len(names)
+            or {*names[: len(arguments)]} & {*keywords}
+            or {*keywords} - {*names}
+            or {*names[len(arguments) :]} - {*keywords, *function.defaults}
+        ):
+            raise FailsError
+        scope.names |= function.defaults | dict(zip(names, arguments, strict=False)) | keywords
+
+    def _instance(self, kind: Class, node: ast.Call, given: Arguments) -> Any:
+        """An object of a class of the file: a state, a container, or something else."""
+        arguments, keywords = given
+        self.called.add(kind)
+        bases = [each for each in kind.line() if not isinstance(each, Class)]
+        last = bases[0].name.rpartition(".")[2] if bases and _in_family(bases[0]) else ""
+        if last in CONTAINERS:
+            made: Instance = self._container(node, last, kind)
+        else:
+            made = Instance(kind.name, kind, parameters=_shown(keywords))
+        self.instances.append(made)
+        init = kind.get("__init__")
+        self.constructing += not isinstance(made, Container)
+        try:
+            if isinstance(init, Function):
+                self.call(init, arguments, keywords, node, owner=made)
+            elif isinstance(init, Library) and _in_family(init):
+                self._initialised(made, last, node, given)
+            else:
+                self._unread(node, dotted(node.func) or "A", given)
+        finally:
+            self.constructing -= not isinstance(made, Container)
+        return made
+
+    def _container(self, node: ast.Call, kind: str, of: Class | None = None) -> Container:
+        made = Container(kind, of, place=self.place(node), branch=self.branch)
+        self.containers.append(made)
+        return made
+
+    def _initialised(self, made: Any, base: str, node: ast.Call, given: Arguments) -> None:
+        """``__init__`` of a class of the library."""
+        arguments, keywords = given
+        if isinstance(made, Container) and base in CONTAINERS:
+            if arguments is None:
+                message = "the outcomes of this container are not written in the source"
+                self.fault(node, message, "write them out")
+            else:
+                self.describe(made, node, arguments, dict(keywords))
+        elif isinstance(made, Instance) and base in STATES:
+            self._outcomes(made, base, given)
+
+    def _outcomes(self, made: Instance, base: str, given: Arguments) -> None:
+        """The outcomes that a state declares to its base class."""
+        arguments, keywords = given
+        position = {"State": 0, "EventState": 0, "CBState": 3}.get(base, 9)
+        rows = (arguments or [])[position : position + 1] or [[]]
+        written = self.settled(keywords.get("outcomes", rows[0]))
+        callback = keywords.get("cb", arguments[0] if arguments else UNKNOWN)
+        callback = callback.function if isinstance(callback, Bound) else callback
+        own = tuple(written) if texts(written) else ()
+        made.outcomes = tuple(dict.fromkeys((*STATES[base], *own)))
+        made.open = arguments is None or not texts(written)
+        made.open |= base == "CBState" and not isinstance(callback, Function)
+        for each in (*(arguments or ()), *keywords.values()):
+            self.later(each)
+
+    # -- calls ------------------------------------------------------------------------------
+
+    def _called(self, node: ast.Call, scope: Scope) -> Any:
+        callee = self._inherited(node.func, scope) or self.value(node.func, scope)
+        given = self._arguments_of(node, scope)
+        arguments, keywords = given
+        if isinstance(callee, Bound) and isinstance(callee.function, Function):
+            return self.call(callee.function, arguments, keywords, node, owner=callee.owner)
+        if isinstance(callee, Bound):
+            return self._method(callee, node, given)
+        if isinstance(callee, Function):
+            return self.call(callee, arguments, keywords, node)
+        if isinstance(callee, Class):
+            return self._instance(callee, node, given)
+        if isinstance(callee, Library):
+            return self._library(callee, node, given)
+        if isinstance(node.func, ast.Attribute) and dotted(node.func):
+            self.lose(self.value(node.func.value, scope), node)
+        self.lose(callee, node)
+        return self._unread(node, dotted(node.func), given)
+
+    def _arguments_of(self, node: ast.Call, scope: Scope) -> Arguments:
+        arguments = self._elements(node.args, scope)
+        keywords: dict[str, Any] = {}
+        hidden = False
+        for each in node.keywords:
+            value = self.value(each.value, scope)
+            if each.arg is not None:
+                keywords[each.arg] = value
+            elif isinstance(value, dict) and all(isinstance(key, str) for key in value):
+                keywords |= value
+            else:
+                hidden = True
+        return (None if hidden else arguments), keywords
+
+    def _inherited(self, node: ast.expr, scope: Scope) -> Any:
+        """A method of ``super()``; None for all else."""
+        if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Call):
+            return None
+        if dotted(node.value.func) != "super" or scope.owner is None or not scope.names:
+            return None
+        value = scope.owner.get(node.attr, inherited=True)
+        return self._bound(value, next(iter(scope.names.values())))
+
+    def _method(self, callee: Bound, node: ast.Call, given: Arguments) -> Any:
+        """A method of a container, or of a text, a list or a dictionary; or of a base class."""
+        arguments, keywords = given
+        name, owner = callee.function, callee.owner
+        if isinstance(name, Library):
+            inherited = None if arguments is None else [owner, *arguments]
+            return self._library(name, node, (inherited, keywords))
+        if isinstance(owner, Container):
+            return self._of_open(owner, name, node, arguments or [])
+        changing = name in CHANGING and not isinstance(owner, str | tuple)
+        if changing and not self.certain(owner):
+            return UNKNOWN
+        result = None if arguments is None else method_result(owner, name, arguments, keywords)
+        if result is None:
+            self.lose(owner, node)
+            for each in (*(arguments or ()), *keywords.values()):
+                self.later(each)
+            return UNKNOWN
+        return self.fresh(result[0]) if name in ("copy", "split") else result[0]
+
+    def _of_open(self, owner: Container, name: str, node: ast.Call, arguments: list[Any]) -> Any:
+        if name in ("set_initial_state", "initial_state"):
+            self.begin_with(node, owner, arguments)
+        elif name == "opened" and not node.keywords:
+            return owner
+        elif not self.reachable(node, owner, "this container is open"):
+            pass
+        elif name == "open":
+            self.open.append(owner)
+        elif name == "close" and self.open[-1:] == [owner]:
+            self.open.pop()
+        else:
+            self.fault(node, f"{name}() does not fit here", "open containers with: with sm:")
+        return UNKNOWN
+
+    def _library(self, callee: Library, node: ast.Call, given: Arguments) -> Any:
+        """A call of something that is imported or built in."""
+        arguments, keywords = given
+        root = callee.name.partition(".")[0]
+        if callee.name in _EXITS:
+            raise RaiseError
+        if root == "builtins":
+            return self._built_in(callee.name[9:], node, given)
+        if _in_family(callee):
+            return self._of_family(callee, node, given)
+        if root not in _HARMLESS and not _is_message(callee.name):
+            return self._unread(node, dotted(node.func) or callee.name, given)
+        for each in (*(arguments or ()), *keywords.values()):
+            if isinstance(each, Container) or root not in _KEEPING:
+                self.lose(each, node)
+            self.later(each)
+        return Library(f"{callee.name}()")
+
+    def _built_in(self, name: str, node: ast.Call, given: Arguments) -> Any:
+        arguments, keywords = given
+        if name in _FORBIDDEN:
+            self.fault(node, f"what {name}() does is not followed", "write it out")
+            return UNKNOWN
+        if arguments is None:
+            return UNKNOWN
+        for each in (*arguments, *keywords.values()):
+            self.later(each)
+        if name in ("next", "map", "filter"):
+            for each in arguments:
+                self.lose(each, node)
+        return self.fresh(function_result(name, arguments, keywords))
+
+    def _of_family(self, callee: Library, node: ast.Call, given: Arguments) -> Any:
+        """A call of SMACH or FlexBE."""
+        arguments, keywords = given
+        *_, kind, last = ("", *callee.name.split("."))
+        builder = kind in CONTAINERS and last in ("add", "add_auto")
+        if last == "Iterator":
+            hint = "check the machine that is repeated by itself"
+            self.fault(node, "how often an Iterator repeats is not read", hint)
+            return UNKNOWN
+        if arguments is None and (builder or last in CONTAINERS or kind in CONTAINERS):
+            self.fault(node, f"the arguments of {last} are not written in the source", "write them")
+            return UNKNOWN
+        if builder:
+            return self.add(f"{kind}.{last}", node, arguments or [], keywords)
+        if last in CONTAINERS:
+            made = self._container(node, last)
+            self._initialised(made, last, node, given)
+            return made
+        if last == "__init__" and arguments:
+            self._initialised(arguments[0], kind, node, (arguments[1:], keywords))
+            return None
+        if kind in CONTAINERS and arguments and isinstance(arguments[0], Container):
+            method = self._of_container(arguments[0], last, node)
+            return (
+                self._method(method, node, (arguments[1:], keywords))
+                if isinstance(method, Bound)
+                else UNKNOWN
+            )
+        name = dotted(node.func).removeprefix("self.") or last
+        if last in STATES:
+            state = Instance(name, parameters=_shown(keywords))
+            self._outcomes(state, last, given)
+            return state
+        if last == "use_behavior":
+            return Instance(name, parameters=_shown(keywords))
+        if last == "register_outcomes" and arguments and isinstance(arguments[0], Instance):
+            rows = self.settled(arguments[1]) if len(arguments) > 1 else UNKNOWN
+            arguments[0].outcomes += tuple(rows) if texts(rows) else ()
+            arguments[0].open |= not texts(rows)
+            return None
+        for each in (*(arguments or ()), *keywords.values()):
+            self.later(each)
+            if isinstance(each, Container) and last not in _WITH_MACHINES:
+                self.lose(each, node)
+            elif isinstance(each, Container) and last == "ActionServerWrapper":
+                self.executed.append(each)
+        return Library(f"{callee.name}()")
+
+    def _unread(self, node: ast.Call, name: str, given: Arguments) -> Any:
+        """A call of code that is not followed."""
+        arguments, keywords = given
+        constructor = name.rpartition(".")[2].rpartition("__")[2][:1].isupper()
+        if self.open and not constructor and not self.constructing:
+            message = f"{name or 'this call'}() may add states to the container that is open here"
+            self.fault(node, message, "call it outside of the container, or add the states here")
+        for each in (*(arguments or ()), *keywords.values()):
+            self.lose(each, node)
+        if not constructor and not name.endswith("use_behavior"):
+            return UNKNOWN
+        outcomes = self.settled(keywords.get("outcomes"))
+        own = tuple(outcomes) if texts(outcomes) else ()
+        return Instance(name.removeprefix("self."), outcomes=own, parameters=_shown(keywords))
+
+    def star(self, node: ast.ImportFrom, scope: Scope) -> None:
+        """``from … import *``."""
+        if (node.module or "").partition(".")[0] in FAMILY:
+            for name in (
+                *CONTAINERS,
+                *STATES,
+                "Iterator",
+                "UserData",
+                "Behavior",
+                "Autonomy",
+                "Logger",
+            ):
+                self.write(scope.names, name, Library(f"{node.module}.{name}"))
+            return
+        self.strangers = True
+        self.note(Reading.DEFAULTED, f"from {node.module or '.'} import *", node, Cause.IMPORTS)
+
+
+def _in_family(value: Any) -> bool:
+    return isinstance(value, Library) and value.name.partition(".")[0] in FAMILY
+
+
+def _is_message(name: str) -> bool:
+    root, _, rest = name.partition(".")
+    return root.endswith(("_msgs", "_srvs")) or rest.partition(".")[0] in ("msg", "srv", "action")
+
+
+def _shown(keywords: dict[str, Any]) -> dict[str, Any]:
+    """The parameters of a state that a report shows."""
+    return {key: each for key, each in keywords.items() if isinstance(each, str | int | float)}
+
+
+def _stores(node: ast.Name) -> bool:
+    return isinstance(node.ctx, ast.Store | ast.Del)
+
+
+def _own(node: ast.AST) -> Iterable[ast.AST]:
+    """The nodes in a function, without those in functions of its own."""
+    for child in ast.iter_child_nodes(node):
+        yield child
+        if not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            yield from _own(child)
+
+
+def _end(action: Callable[[], object]) -> str:
+    """How an action ends."""
+    try:
+        action()
+    except RaiseError:
+        return "raise"
+    except LeaveError:
+        return "leave"
+    return ""
+
+
+def _same(left: Any, right: Any) -> bool:
+    simple = type(left) is type(right) and isinstance(left, str | int | float | Library)
+    return left is right or (simple and bool(left == right))
+
+
+def _changed_by(node: ast.AST) -> Iterable[ast.Name | ast.Attribute]:
+    """What a node of a syntax tree may change in place, or assign as an attribute."""
+    changed: list[ast.AST] = []
+    if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store | ast.Del):
+        changed = [node]
+    elif isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store | ast.Del):
+        changed = [node.value]
+    elif isinstance(node, ast.Call):
+        function = node.func
+        if isinstance(function, ast.Attribute) and function.attr in CHANGING:
+            changed = [function.value]
+        if dotted(function).partition(".")[0] not in (*_KEEPING, *FAMILY, "print", "str", "len"):
+            changed += [*node.args, *(each.value for each in node.keywords)]
+    return [each for each in changed if isinstance(each, ast.Name | ast.Attribute)]
