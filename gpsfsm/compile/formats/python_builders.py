@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeGuard
 
 from gpsfsm.compile.formats.outcomes import State
 from gpsfsm.compile.formats.python_values import UNKNOWN, Bound, Function, Instance, Library
@@ -71,6 +71,10 @@ HARMLESS_METHODS = frozenset(
 """What a program may do with a container without changing it."""
 
 
+Arguments = tuple[list[Any] | None, dict[str, Any]]
+"""The arguments of a call; None where a star hides which they are."""
+
+
 @dataclass(slots=True, eq=False)
 class Container(Instance):
     """A container and its entries in the order in which they are added."""
@@ -86,6 +90,7 @@ class Container(Instance):
 
     @property
     def parallel(self) -> bool:
+        """True for a concurrence."""
         return self.kind in PARALLEL
 
     def within(self) -> Iterator[Container]:
@@ -123,12 +128,15 @@ class Builder:
         self.copies = 0
 
     def fault(self, node: ast.AST, message: str, hint: str) -> None:
+        """Refuse the program, at a place."""
         raise NotImplementedError
 
     def place(self, node: ast.AST) -> Place:
+        """The place of a node of the syntax tree."""
         raise NotImplementedError
 
-    def later(self, function: Any) -> None:
+    def later(self, value: Any) -> None:
+        """A value may be a function that is called later."""
         raise NotImplementedError
 
     def note(self, reading: Reading, construct: str, node: ast.AST | Place, cause: Cause) -> None:
@@ -166,11 +174,7 @@ class Builder:
         self, made: Container, node: ast.Call, arguments: list[Any], keywords: dict[str, Any]
     ) -> None:
         """What the call of a container's class says."""
-        if (
-            made.kind == "ConcurrencyContainer"
-            and isinstance(arguments, list)
-            and "conditions" in keywords
-        ):
+        if made.kind == "ConcurrencyContainer" and "conditions" in keywords:
             arguments = [keywords.pop("conditions"), *arguments]
         values = self._arguments(made.kind, node, arguments, keywords)
         if values is None:
@@ -206,6 +210,49 @@ class Builder:
         elif self.reachable(node, owner, f"the first state is {first!r}"):
             owner.initial = first
 
+    def initialised(self, made: Any, base: str, node: ast.Call, given: Arguments) -> None:
+        """``__init__`` of a class of the library."""
+        arguments, keywords = given
+        if isinstance(made, Container) and base in CONTAINERS:
+            if arguments is None:
+                message = "the outcomes of this container are not written in the source"
+                self.fault(node, message, "write them out")
+            else:
+                self.describe(made, node, arguments, dict(keywords))
+        elif isinstance(made, Instance) and base in STATES:
+            self.declare(made, base, given)
+
+    def declare(self, made: Instance, base: str, given: Arguments) -> None:
+        """The outcomes that a state declares to its base class."""
+        arguments, keywords = given
+        position = {"State": 0, "EventState": 0, "CBState": 3}.get(base, 9)
+        rows = (arguments or [])[position : position + 1] or [[]]
+        written = self.settled(keywords.get("outcomes", rows[0]))
+        callback = keywords.get("cb", arguments[0] if arguments else UNKNOWN)
+        callback = callback.function if isinstance(callback, Bound) else callback
+        own = tuple(written) if texts(written) else ()
+        made.outcomes = tuple(dict.fromkeys((*STATES[base], *own)))
+        made.open = arguments is None or not texts(written)
+        made.open |= base == "CBState" and not isinstance(callback, Function)
+        for each in (*(arguments or ()), *keywords.values()):
+            self.later(each)
+
+    def opened(self, owner: Container, name: str, node: ast.Call, arguments: list[Any]) -> Any:
+        """A method of a container that opens or closes it, or says where it begins."""
+        if name in ("set_initial_state", "initial_state"):
+            self.begin_with(node, owner, arguments)
+        elif name == "opened" and not node.keywords:
+            return owner
+        elif not self.reachable(node, owner, "this container is open"):
+            pass
+        elif name == "open":
+            self.open.append(owner)
+        elif name == "close" and self.open[-1:] == [owner]:
+            self.open.pop()
+        else:
+            self.fault(node, f"{name}() does not fit here", "open containers with: with sm:")
+        return UNKNOWN
+
     def add(self, name: str, node: ast.Call, arguments: list[Any], keywords: dict[str, Any]) -> Any:
         """A call of ``add`` or ``add_auto``, by the class that it is called of."""
         kind, _, method = name.partition(".")
@@ -233,7 +280,7 @@ class Builder:
             return UNKNOWN
         if self.reachable(node, owner, f"{label!r} is added"):
             entry = Entry(label, self.place(node), state, self._kind(node, label), transitions)
-            self._register(node, owner, entry)
+            self._register(owner, entry)
             if method == "add_auto":
                 self._connect(node, owner, entry, self.settled(values.get("connector_outcomes")))
         return state
@@ -268,7 +315,7 @@ class Builder:
         name = dotted(made.func).removeprefix("self.") if isinstance(made, ast.Call) else ""
         return name or label
 
-    def _register(self, node: ast.Call, owner: Container, entry: Entry) -> None:
+    def _register(self, owner: Container, entry: Entry) -> None:
         """What the library does with the dictionary of transitions, in place."""
         transitions, state = entry.transitions, entry.state
         open_state = not isinstance(state, Instance) or state.open
@@ -407,7 +454,7 @@ class Builder:
         self.fault(node, message, "write them out")
 
 
-def texts(value: Any) -> bool:
+def texts(value: Any) -> TypeGuard[list[str]]:
     """True for a list of texts."""
     return isinstance(value, list) and all(isinstance(each, str) for each in value)
 
@@ -434,7 +481,7 @@ def _decides_once(callback: Any) -> bool:
     )
 
 
-def _is_condition(row: Any) -> bool:
+def _is_condition(row: Any) -> TypeGuard[list[Any]]:
     return (
         isinstance(row, list)
         and len(row) == 2

@@ -14,9 +14,18 @@ from gpsfsm.compile.formats.python_builders import (
     CONTAINERS,
     HARMLESS_METHODS,
     STATES,
-    Builder,
+    Arguments,
     Container,
     texts,
+)
+from gpsfsm.compile.formats.python_effects import (
+    FAMILY,
+    KEEPING,
+    Effects,
+    LeaveError,
+    RaiseError,
+    TooMuchError,
+    in_family,
 )
 from gpsfsm.compile.formats.python_values import (
     CHANGING,
@@ -38,66 +47,29 @@ from gpsfsm.compile.formats.python_values import (
     row,
     truth,
 )
-from gpsfsm.model.precision import Cause, Reading
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
 MOST_VALUES: Final = 500_000
 _DEEPEST: Final = 12
-FAMILY = ("smach", "smach_ros", "flexbe_core")
 _HARMLESS = frozenset(
     {"rospy", "roslib", "rclpy", "time", "math", "os", "sys", "logging", "threading", "actionlib"}
     | {"tf", "numpy", "copy", "json", "datetime", "signal", "argparse", "re", "random", "container"}
     | {"actionlib_msgs", "collections", "itertools", "string", "traceback", "functools", "self"}
 )
 """Modules that know nothing of machines."""
-_KEEPING = frozenset({"rospy", "copy", "math", "time", "logging", "json", "container", "smach_ros"})
-"""Modules of these that leave alone what they are handed."""
 _WITH_MACHINES = ("IntrospectionServer", "ActionServerWrapper", "set_preempt_handler", "Bag")
 _FORBIDDEN = frozenset(
     {"exec", "eval", "compile", "globals", "locals", "vars", "__import__", "setattr", "delattr"}
     | {"getattr", "type", "breakpoint"}
 )
-_PRIVATE = frozenset(
-    {"set_initial_state", "add_auto", "_transitions", "_states", "_initial_state_label"}
-    | {"_connector_outcomes", "_outcome_map", "_default_outcome", "_conditions", "_labels"}
-)
 _SPECIAL = ("__getattr__", "__getattribute__", "__setattr__", "__new__", "__enter__", "add")
 _OVERRIDDEN = (*_SPECIAL, "__init_subclass__", "get_registered_outcomes", "register_outcomes")
 _EXITS = ("sys.exit", "os._exit", "builtins.exit", "builtins.quit")
-MOST_STEPS: Final = 50_000
-_MOST_ROUNDS: Final = 8
-MISSING: Final[Any] = object()
-Arguments = tuple[list[Any] | None, dict[str, Any]]
-"""None where a star hides which they are."""
 
 
-class LeaveError(Exception):
-    """A statement that leaves the loop or the function around it, which may return a value."""
-
-    def __init__(self, value: Any = None) -> None:
-        super().__init__()
-        self.value = value
-
-
-class BreakError(LeaveError):
-    """A ``break``."""
-
-
-class ContinueError(LeaveError):
-    """A ``continue``."""
-
-
-class RaiseError(Exception):
-    """A statement that raises an exception."""
-
-
-class TooMuchError(Exception):
-    """More statements than are followed."""
-
-
-class Calls(Builder):
+class Calls(Effects):
     """The values of expressions, and what calls do."""
 
     def __init__(self) -> None:
@@ -106,13 +78,8 @@ class Calls(Builder):
         self.functions: list[Function] = []
         self.called: set[Any] = set()
         self.instances: list[Instance] = []
-        self.haunted: set[str] = set()  # names that code writes which is called later
-        self.scanned: set[int] = set()
         self.strangers = False  # another file may give names that are not seen
-        self.born: dict[int, tuple[tuple[int, ...], Any]] = {}
-        self.depth = self.values = self.steps = self.serial = self.constructing = 0
-        self.left = False  # a path may have left the function that is followed
-        self.journal: list[tuple[dict[Any, Any], Any, Any]] = []
+        self.depth = self.values = self.constructing = 0
 
     def block(self, body: Sequence[ast.stmt], scope: Scope) -> None:
         """Follow statements."""
@@ -121,69 +88,6 @@ class Calls(Builder):
     def assign(self, target: ast.expr, value: Any, scope: Scope) -> None:
         """Follow an assignment."""
         raise NotImplementedError
-
-    # -- what only a run decides ------------------------------------------------------------
-
-    def write(self, mapping: dict[Any, Any], key: Any, value: Any) -> None:
-        """A name or an attribute gets a value."""
-        if self.branch:
-            self.journal.append((mapping, key, mapping.get(key, MISSING)))
-        mapping[key] = value
-
-    def perhaps(self, *actions: Callable[[], object], torn: bool = False) -> bool:
-        """Actions of which only a run decides whether they are done: what they change is unknown.
-
-        A name that had no value before keeps the new one, since without it the run fails. ``torn``:
-        an exception may leave them in their midst. Returns True if anything is different.
-        """
-        before = len(self.lost)
-        changed, ends = False, []
-        for action in actions:
-            outside, journal, opened = self.branch, self.journal, list(self.open)
-            self.serial += 1
-            self.branch, self.journal = (*outside, self.serial), []
-            try:
-                ends.append(_end(action))
-            finally:
-                rows, self.branch, self.journal = self.journal, outside, journal
-                self.open = opened
-            for mapping, key, old in {(id(e[0]), e[1]): e for e in reversed(rows)}.values():
-                value = mapping.pop(key, MISSING)
-                if old is not MISSING:
-                    mapping[key] = old
-                if ends[-1] == "raise" and not torn:
-                    continue
-                lasting = not torn or isinstance(value, Library | Function | Class)
-                kept = lasting and (old is MISSING or _same(old, value))
-                changed |= not kept and old is not UNKNOWN
-                self.write(mapping, key, value if kept else UNKNOWN)
-        self.left |= "leave" in ends
-        if {*ends} == {"raise"}:
-            raise RaiseError
-        return changed or len(self.lost) > before
-
-    def repeated(self, body: Callable[[], object]) -> None:
-        """A loop of which only a run decides how often it goes round."""
-        made = len(self.containers)
-        for _ in range(_MOST_ROUNDS):
-            del self.containers[made:]  # those of the round before
-            if not self.perhaps(body, lambda: None):
-                return
-        raise TooMuchError
-
-    def certain(self, value: Any) -> bool:
-        """True if the program gets here wherever it makes a value; else the value is lost."""
-        born = self.born.get(id(value), ((), value))[0]
-        if born[: len(self.branch)] == self.branch:
-            return True
-        self.lose(value, None)
-        return False
-
-    def fresh(self, value: Any) -> Any:
-        """A row or a dictionary that is made here."""
-        if self.branch:
-            self.born[id(value)] = (self.branch, value)
-        return value
 
     # -- expressions ------------------------------------------------------------------------
 
@@ -392,101 +296,6 @@ class Calls(Builder):
         self.fault(node, message, "build the machine with add and set_initial_state only")
         return UNKNOWN
 
-    # -- what code that is not followed may do ----------------------------------------------
-
-    def lose(self, value: Any, node: ast.AST | None) -> None:
-        """Code that is not followed gets a value: nothing is certain of it from here on."""
-        if id(value) in self.lost or isinstance(value, str | int | float | None | range):
-            return
-        if isinstance(value, Container):
-            value.lost = True
-            if node is not None:
-                message = "what this does to a container is decided in code that is not followed"
-                self.fault(node, message, "build the machine in this file")
-            return
-        if isinstance(value, Function | Bound):
-            self.later(value)
-            if isinstance(value, Bound) and not isinstance(value.function, Function):
-                self.lose(value.owner, node)
-            return
-        self.lost[id(value)] = value
-        if isinstance(value, Instance):
-            del self.lost[id(value)]
-            held = value.attributes
-            value.open, value.attributes = True, {}
-            for each in held.values():
-                self.lose(each, node)
-        elif isinstance(value, list | tuple | dict):
-            for each in list(value.values() if isinstance(value, dict) else value):
-                self.lose(each, node)
-
-    def later(self, value: Any) -> None:
-        """A function that may be called at any time from here on."""
-        function = value.function if isinstance(value, Bound) else value
-        if not isinstance(function, Function) or id(function) in self.scanned:
-            return
-        self.scanned.add(id(function))
-        nodes = [*ast.walk(function.node)]
-        names = {each.id for each in nodes if isinstance(each, ast.Name) and _stores(each)}
-        for each in nodes:
-            if isinstance(each, ast.Global | ast.Nonlocal):
-                self.haunted |= names & {*each.names}
-                names -= {*each.names}
-        calls = [each for each in nodes if isinstance(each, ast.Call)]
-        builds = any(dotted(each.func).rpartition(".")[2] in CONTAINERS for each in calls)
-        names |= {each.arg for each in nodes if isinstance(each, ast.arg)}
-        for each in nodes:
-            if isinstance(each, ast.Attribute):
-                base = dotted(each.value).rpartition(".")[2]
-                adds = each.attr == "add" and base in CONTAINERS
-                if (each.attr in _PRIVATE or adds) and not builds:
-                    message = f"{each.attr!r} may change the machine while it runs"
-                    self.fault(each, message, "build the whole machine before it is executed")
-            for changed in _changed_by(each):
-                spot = changed.attr if isinstance(changed, ast.Attribute) else changed.id
-                if isinstance(changed, ast.Attribute) or spot not in names:
-                    self.haunted.add(spot)
-
-    def changed_attribute(self, owner: Any, name: str, value: Any, node: ast.AST) -> None:
-        """An attribute is assigned."""
-        if isinstance(owner, Library):
-            if owner.name.partition(".")[0] in FAMILY and "(" not in owner.name:
-                self.fault(node, f"{owner.name}.{name} is replaced", "leave the library as it is")
-            elif "(" not in owner.name and not owner.name.startswith("container."):
-                self.lose(value, node)
-        elif isinstance(owner, Container) and (name.startswith("_") or name in HARMLESS_METHODS):
-            if name not in ("userdata", "name"):
-                self.fault(node, f"{name!r} of a container is replaced", "leave it as it is")
-        elif isinstance(owner, Instance) and name in ("_outcomes", "get_registered_outcomes"):
-            self.fault(node, "the outcomes of a state are replaced", "hand them to its base class")
-        elif isinstance(owner, Instance):
-            self.write(owner.attributes, name, value)
-        elif isinstance(owner, Class):
-            self.write(owner.names, name, value)
-        else:
-            self.lose(owner, node)
-            self.lose(value, node)
-
-    def changed_item(
-        self, owner: Any, key: Any, node: ast.AST, value: Any = None, *, delete: bool = False
-    ) -> None:
-        """An item is assigned, or deleted."""
-        if isinstance(owner, Container):
-            self.fault(node, "the states of a container are replaced", "add other states")
-        if not isinstance(owner, list | dict):
-            if not isinstance(owner, Library):
-                self.lose(value, node)
-        elif not plain(key) or isinstance(key, list | dict):
-            self.lose(owner, node)
-        elif self.certain(owner):
-            try:
-                if delete:
-                    del owner[key]
-                else:
-                    owner[key] = value
-            except (LookupError, TypeError) as error:
-                raise FailsError from error
-
     # -- functions and classes --------------------------------------------------------------
 
     def function(self, node: ast.FunctionDef, scope: Scope) -> Any:
@@ -502,7 +311,7 @@ class Calls(Builder):
             made.static = decorator == Library("builtins.staticmethod")
             if not made.static:
                 self.later(made)
-                if not _in_family(decorator) and self.open:
+                if not in_family(decorator) and self.open:
                     self.fault(each, "what this decorator does is not followed", "leave it out")
                 return UNKNOWN
         return made
@@ -590,7 +399,7 @@ class Calls(Builder):
         arguments, keywords = given
         self.called.add(kind)
         bases = [each for each in kind.line() if not isinstance(each, Class)]
-        last = bases[0].name.rpartition(".")[2] if bases and _in_family(bases[0]) else ""
+        last = bases[0].name.rpartition(".")[2] if bases and in_family(bases[0]) else ""
         if last in CONTAINERS:
             made: Instance = self._container(node, last, kind)
         else:
@@ -601,8 +410,8 @@ class Calls(Builder):
         try:
             if isinstance(init, Function):
                 self.call(init, arguments, keywords, node, owner=made)
-            elif isinstance(init, Library) and _in_family(init):
-                self._initialised(made, last, node, given)
+            elif isinstance(init, Library) and in_family(init):
+                self.initialised(made, last, node, given)
             else:
                 self._unread(node, dotted(node.func) or "A", given)
         finally:
@@ -613,33 +422,6 @@ class Calls(Builder):
         made = Container(kind, of, place=self.place(node), branch=self.branch)
         self.containers.append(made)
         return made
-
-    def _initialised(self, made: Any, base: str, node: ast.Call, given: Arguments) -> None:
-        """``__init__`` of a class of the library."""
-        arguments, keywords = given
-        if isinstance(made, Container) and base in CONTAINERS:
-            if arguments is None:
-                message = "the outcomes of this container are not written in the source"
-                self.fault(node, message, "write them out")
-            else:
-                self.describe(made, node, arguments, dict(keywords))
-        elif isinstance(made, Instance) and base in STATES:
-            self._outcomes(made, base, given)
-
-    def _outcomes(self, made: Instance, base: str, given: Arguments) -> None:
-        """The outcomes that a state declares to its base class."""
-        arguments, keywords = given
-        position = {"State": 0, "EventState": 0, "CBState": 3}.get(base, 9)
-        rows = (arguments or [])[position : position + 1] or [[]]
-        written = self.settled(keywords.get("outcomes", rows[0]))
-        callback = keywords.get("cb", arguments[0] if arguments else UNKNOWN)
-        callback = callback.function if isinstance(callback, Bound) else callback
-        own = tuple(written) if texts(written) else ()
-        made.outcomes = tuple(dict.fromkeys((*STATES[base], *own)))
-        made.open = arguments is None or not texts(written)
-        made.open |= base == "CBState" and not isinstance(callback, Function)
-        for each in (*(arguments or ()), *keywords.values()):
-            self.later(each)
 
     # -- calls ------------------------------------------------------------------------------
 
@@ -693,7 +475,7 @@ class Calls(Builder):
             inherited = None if arguments is None else [owner, *arguments]
             return self._library(name, node, (inherited, keywords))
         if isinstance(owner, Container):
-            return self._of_open(owner, name, node, arguments or [])
+            return self.opened(owner, name, node, arguments or [])
         changing = name in CHANGING and not isinstance(owner, str | tuple)
         if changing and not self.certain(owner):
             return UNKNOWN
@@ -705,21 +487,6 @@ class Calls(Builder):
             return UNKNOWN
         return self.fresh(result[0]) if name in ("copy", "split") else result[0]
 
-    def _of_open(self, owner: Container, name: str, node: ast.Call, arguments: list[Any]) -> Any:
-        if name in ("set_initial_state", "initial_state"):
-            self.begin_with(node, owner, arguments)
-        elif name == "opened" and not node.keywords:
-            return owner
-        elif not self.reachable(node, owner, "this container is open"):
-            pass
-        elif name == "open":
-            self.open.append(owner)
-        elif name == "close" and self.open[-1:] == [owner]:
-            self.open.pop()
-        else:
-            self.fault(node, f"{name}() does not fit here", "open containers with: with sm:")
-        return UNKNOWN
-
     def _library(self, callee: Library, node: ast.Call, given: Arguments) -> Any:
         """A call of something that is imported or built in."""
         arguments, keywords = given
@@ -728,12 +495,12 @@ class Calls(Builder):
             raise RaiseError
         if root == "builtins":
             return self._built_in(callee.name[9:], node, given)
-        if _in_family(callee):
+        if in_family(callee):
             return self._of_family(callee, node, given)
         if root not in _HARMLESS and not _is_message(callee.name):
             return self._unread(node, dotted(node.func) or callee.name, given)
         for each in (*(arguments or ()), *keywords.values()):
-            if isinstance(each, Container) or root not in _KEEPING:
+            if isinstance(each, Container) or root not in KEEPING:
                 self.lose(each, node)
             self.later(each)
         return Library(f"{callee.name}()")
@@ -747,9 +514,8 @@ class Calls(Builder):
             return UNKNOWN
         for each in (*arguments, *keywords.values()):
             self.later(each)
-        if name in ("next", "map", "filter"):
-            for each in arguments:
-                self.lose(each, node)
+        for each in arguments if name in ("next", "map", "filter") else ():
+            self.lose(each, node)
         return self.fresh(function_result(name, arguments, keywords))
 
     def _of_family(self, callee: Library, node: ast.Call, given: Arguments) -> Any:
@@ -768,10 +534,10 @@ class Calls(Builder):
             return self.add(f"{kind}.{last}", node, arguments or [], keywords)
         if last in CONTAINERS:
             made = self._container(node, last)
-            self._initialised(made, last, node, given)
+            self.initialised(made, last, node, given)
             return made
         if last == "__init__" and arguments:
-            self._initialised(arguments[0], kind, node, (arguments[1:], keywords))
+            self.initialised(arguments[0], kind, node, (arguments[1:], keywords))
             return None
         if kind in CONTAINERS and arguments and isinstance(arguments[0], Container):
             method = self._of_container(arguments[0], last, node)
@@ -783,7 +549,7 @@ class Calls(Builder):
         name = dotted(node.func).removeprefix("self.") or last
         if last in STATES:
             state = Instance(name, parameters=_shown(keywords))
-            self._outcomes(state, last, given)
+            self.declare(state, last, given)
             return state
         if last == "use_behavior":
             return Instance(name, parameters=_shown(keywords))
@@ -815,27 +581,6 @@ class Calls(Builder):
         own = tuple(outcomes) if texts(outcomes) else ()
         return Instance(name.removeprefix("self."), outcomes=own, parameters=_shown(keywords))
 
-    def star(self, node: ast.ImportFrom, scope: Scope) -> None:
-        """``from … import *``."""
-        if (node.module or "").partition(".")[0] in FAMILY:
-            for name in (
-                *CONTAINERS,
-                *STATES,
-                "Iterator",
-                "UserData",
-                "Behavior",
-                "Autonomy",
-                "Logger",
-            ):
-                self.write(scope.names, name, Library(f"{node.module}.{name}"))
-            return
-        self.strangers = True
-        self.note(Reading.DEFAULTED, f"from {node.module or '.'} import *", node, Cause.IMPORTS)
-
-
-def _in_family(value: Any) -> bool:
-    return isinstance(value, Library) and value.name.partition(".")[0] in FAMILY
-
 
 def _is_message(name: str) -> bool:
     root, _, rest = name.partition(".")
@@ -847,45 +592,9 @@ def _shown(keywords: dict[str, Any]) -> dict[str, Any]:
     return {key: each for key, each in keywords.items() if isinstance(each, str | int | float)}
 
 
-def _stores(node: ast.Name) -> bool:
-    return isinstance(node.ctx, ast.Store | ast.Del)
-
-
 def _own(node: ast.AST) -> Iterable[ast.AST]:
     """The nodes in a function, without those in functions of its own."""
     for child in ast.iter_child_nodes(node):
         yield child
         if not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             yield from _own(child)
-
-
-def _end(action: Callable[[], object]) -> str:
-    """How an action ends."""
-    try:
-        action()
-    except RaiseError:
-        return "raise"
-    except LeaveError:
-        return "leave"
-    return ""
-
-
-def _same(left: Any, right: Any) -> bool:
-    simple = type(left) is type(right) and isinstance(left, str | int | float | Library)
-    return left is right or (simple and bool(left == right))
-
-
-def _changed_by(node: ast.AST) -> Iterable[ast.Name | ast.Attribute]:
-    """What a node of a syntax tree may change in place, or assign as an attribute."""
-    changed: list[ast.AST] = []
-    if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store | ast.Del):
-        changed = [node]
-    elif isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store | ast.Del):
-        changed = [node.value]
-    elif isinstance(node, ast.Call):
-        function = node.func
-        if isinstance(function, ast.Attribute) and function.attr in CHANGING:
-            changed = [function.value]
-        if dotted(function).partition(".")[0] not in (*_KEEPING, *FAMILY, "print", "str", "len"):
-            changed += [*node.args, *(each.value for each in node.keywords)]
-    return [each for each in changed if isinstance(each, ast.Name | ast.Attribute)]

@@ -19,18 +19,18 @@ from __future__ import annotations
 
 import ast
 import re
+from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile.formats import Format
 from gpsfsm.compile.formats.elements import problem
 from gpsfsm.compile.formats.outcomes import machine_from
-from gpsfsm.compile.formats.python_builders import MOST_COPIES, Container
-from gpsfsm.compile.formats.python_calls import (
-    MISSING,
-    MOST_STEPS,
+from gpsfsm.compile.formats.python_builders import CONTAINERS, MOST_COPIES, STATES, Container
+from gpsfsm.compile.formats.python_calls import Calls
+from gpsfsm.compile.formats.python_effects import (
+    FAMILY,
     BreakError,
-    Calls,
     ContinueError,
     LeaveError,
     RaiseError,
@@ -120,9 +120,12 @@ class Source(Calls):
         for function in self.functions:
             if function not in self.called:
                 self.later(function)
-        for scope in (self.globals.names, *(each.attributes for each in self.instances)):
-            for name in self.haunted & {*scope}:
-                self.lose(scope[name], None)
+        places = [self.globals.names, *(each.attributes for each in self.instances)]
+        for function in self.functions:
+            places += [function.scope.names, function.owner.names if function.owner else {}]
+        for names in places:
+            for name in self.haunted & {*names}:
+                self.lose(names[name], None)
         for container in top.within():
             for entry in container.entries:
                 if container.lost or self.settled(entry.transitions) is UNKNOWN:
@@ -163,10 +166,8 @@ class Source(Calls):
             self.problems.append(problem(message, Location(1, 1, "/machine")))
 
     def _module(self, tree: ast.Module) -> None:
-        try:
+        with suppress(LeaveError, RaiseError):
             self.block(tree.body, self.globals)
-        except (LeaveError, RaiseError):
-            pass
         if not any(each.entries for each in self.containers) and not self.problems:
             self._rest()
 
@@ -200,17 +201,12 @@ class Source(Calls):
         self.problems.append(problem(message, place, hint))
 
     def place(self, node: ast.AST) -> Place:
+        """The place of a node of the syntax tree."""
         line, column = getattr(node, "lineno", 1), getattr(node, "col_offset", 0) + 1
         start = self.lines.offset(line, 1) + column - 1
         return Place(line, column, start, start + 1)
 
     # -- statements -------------------------------------------------------------------------
-
-    def step(self) -> None:
-        """One more step of the program."""
-        self.steps += 1
-        if self.steps > MOST_STEPS:
-            raise TooMuchError
 
     def block(self, body: Sequence[ast.stmt], scope: Scope) -> None:
         """Statements; after one that may have left them, only a run decides about the others."""
@@ -240,12 +236,6 @@ class Source(Calls):
                     self.assign(node.target, self.value(node.value, scope), scope)
             case ast.AugAssign():
                 self._augmented(node, scope)
-            case ast.FunctionDef():
-                self._store(node.name, self.function(node, scope), scope)
-            case ast.AsyncFunctionDef():
-                self._store(node.name, UNKNOWN, scope)
-            case ast.ClassDef():
-                self._store(node.name, self.class_of(node, scope), scope)
             case ast.Return():
                 raise LeaveError(None if node.value is None else self.value(node.value, scope))
             case ast.Break():
@@ -256,6 +246,30 @@ class Source(Calls):
                 raise RaiseError
             case ast.Pass():
                 pass
+            case _:
+                self._defining(node, scope)
+
+    def _defining(self, node: ast.stmt, scope: Scope) -> None:
+        match node:
+            case ast.FunctionDef():
+                self._store(node.name, self.function(node, scope), scope)
+            case ast.AsyncFunctionDef():
+                self._store(node.name, UNKNOWN, scope)
+            case ast.ClassDef():
+                self._store(node.name, self.class_of(node, scope), scope)
+            case ast.Import() | ast.ImportFrom():
+                self._import(node, scope)
+            case ast.Global() | ast.Nonlocal():
+                for name in node.names:
+                    around = scope.outer if isinstance(node, ast.Nonlocal) else None
+                    while around is not None and name not in around.names:
+                        around = around.outer
+                    scope.elsewhere[name] = around or self.globals
+            case ast.Delete():
+                for target in node.targets:
+                    self._delete(target, scope)
+            case ast.Assert():
+                self.value(node.test, scope)
             case _:
                 self._compound(node, scope)
 
@@ -273,19 +287,6 @@ class Source(Calls):
                 self._try(node, scope)
             case ast.Match():
                 self._match(node, scope)
-            case ast.Import() | ast.ImportFrom():
-                self._import(node, scope)
-            case ast.Global() | ast.Nonlocal():
-                for name in node.names:
-                    around = scope.outer if isinstance(node, ast.Nonlocal) else None
-                    while around is not None and name not in around.names:
-                        around = around.outer
-                    scope.elsewhere[name] = around or self.globals
-            case ast.Delete():
-                for target in node.targets:
-                    self._delete(target, scope)
-            case ast.Assert():
-                self.value(node.test, scope)
             case _:
                 message = f"statements of the kind {type(node).__name__} are not followed"
                 self.fault(node, message, "build the machine without it")
@@ -410,11 +411,28 @@ class Source(Calls):
                 name = each.asname or each.name.partition(".")[0]
                 self._store(name, Library(each.name if each.asname else name), scope)
             elif each.name == "*":
-                self.star(node, scope)
+                self._star(node, scope)
             else:
                 value = Library(f"{node.module or '.'}.{each.name}")
                 if node.module != "__future__":
                     self._store(each.asname or each.name, value, scope)
+
+    def _star(self, node: ast.ImportFrom, scope: Scope) -> None:
+        """``from … import *``."""
+        if (node.module or "").partition(".")[0] in FAMILY:
+            for name in (
+                *CONTAINERS,
+                *STATES,
+                "Iterator",
+                "UserData",
+                "Behavior",
+                "Autonomy",
+                "Logger",
+            ):
+                self.write(scope.names, name, Library(f"{node.module}.{name}"))
+            return
+        self.strangers = True
+        self.note(Reading.DEFAULTED, f"from {node.module or '.'} import *", node, Cause.IMPORTS)
 
     def _delete(self, target: ast.expr, scope: Scope) -> None:
         if isinstance(target, ast.Tuple | ast.List):

@@ -130,7 +130,7 @@ def plain(value: Any, depth: int = 9) -> bool:
 
 def truth(value: Any) -> Any:
     """True or False as ``if`` takes a value; UNKNOWN where the source does not say it."""
-    return bool(value) if value is None or isinstance(value, _ROWS + (int, float)) else UNKNOWN
+    return bool(value) if value is None or isinstance(value, (*_ROWS, int, float)) else UNKNOWN
 
 
 def _short(value: Any) -> Any:
@@ -189,8 +189,11 @@ def compared(kind: ast.cmpop, left: Any, right: Any) -> Any:
 
 
 _ROWS: Final[tuple[type[Any], ...]] = (list, tuple, dict, str, range)
-_ITERATORS: Final = (enumerate, zip, reversed, *(type(iter(each)) for each in ([], ())))
-_VIEWS: Final = (type({}.keys()), type({}.values()), type({}.items()))
+_NONE: Final[dict[str, str]] = {}
+_ITERATORS: Final[tuple[type[Any], ...]] = (enumerate, zip, reversed, type(iter(list(_NONE))))
+_VIEWS: Final[tuple[type[Any], ...]] = tuple(
+    type(each) for each in (_NONE.keys(), _NONE.values(), _NONE.items())
+)
 _FUNCTIONS: Final[Mapping[str, Callable[..., Any]]] = {
     each.__name__: each
     for each in (len, list, tuple, dict, enumerate, zip, reversed, str, int, sorted, range)
@@ -221,7 +224,7 @@ def function_result(name: str, arguments: Sequence[Any], keywords: Mapping[str, 
     """The result of a built-in function. Raises FailsError where it raises in Python."""
     function = _FUNCTIONS.get(name)
     deep = name in ("str", "int", "sorted", "range")
-    if function is None or keywords and name != "dict":
+    if function is None or (keywords and name != "dict"):
         return UNKNOWN
     if not all(plain(each) if deep else row(each) for each in arguments):
         return UNKNOWN

@@ -25,37 +25,108 @@ if TYPE_CHECKING:
 TARGETS = ["'succeeded'", "'aborted'", "'A'", "'B'", "k", "m", "way[0]", "way[1]", "t['succeeded']"]
 TARGETS += ["pick(way)", "pick(('A',))", "way[n]", "'%s' % k", "f'{k}'", "k if n else m", "fs[0]()"]
 TARGETS += ["t.get('failed')", "names[0] if names else k", "None", "box.k", "max(way)"]
-CONDITIONS = ["n", "not n", "k == 'A'", "rospy.get_param('x')", "foo()", "'A' in way", "len(way) > 1"]
+CONDITIONS = [
+    "n",
+    "not n",
+    "k == 'A'",
+    "rospy.get_param('x')",
+    "foo()",
+    "'A' in way",
+    "len(way) > 1",
+]
 CONDITIONS += ["common.FLAG", "n or foo()", "n and foo(way)", "k is None", "box", "True", "way"]
 SIMPLE = [
     *("k = 'A'", "k = m", "m = 'aborted'", "k, m = m, k", "n = 1 - n", "n += 1", "way.reverse()"),
     *("way = ['A', 'B']", "way[0] = 'A'", "way = way[:1] + ['aborted']", "way.append('A')"),
-    *("way = sorted(way)", "way.insert(0, k)", "way.pop()", "del way[0]", "way += ['A']", "way = w2"),
+    *(
+        "way = sorted(way)",
+        "way.insert(0, k)",
+        "way.pop()",
+        "del way[0]",
+        "way += ['A']",
+        "way = w2",
+    ),
     *("w2 = way", "w2.reverse()", "w2 = list(way)", "w2 = way.copy()", "w2.remove('A')"),
     *("t['failed'] = 'A'", "t = dict(t)", "t.update(failed='B')", "t |= {'failed': 'A'}"),
-    *("t.pop('failed')", "t.setdefault('reached', 'A')", "t = {**t, 'failed': k}", "del t['failed']"),
+    *(
+        "t.pop('failed')",
+        "t.setdefault('reached', 'A')",
+        "t = {**t, 'failed': k}",
+        "del t['failed']",
+    ),
     *("t2 = t", "t2['succeeded'] = 'B'", "t2 = t.copy()", "t.clear()", "t = {}", "turn(way)"),
-    *("turn(t)", "k = pick(way)", "k = foo()", "foo(way)", "foo(t)", "foo(turned)", "foo(k)", "foo(box)"),
-    *("common.helper(t)", "m = common.helper(way)", "k = rospy.get_param('x')", "rospy.loginfo(way)"),
+    *(
+        "turn(t)",
+        "k = pick(way)",
+        "k = foo()",
+        "foo(way)",
+        "foo(t)",
+        "foo(turned)",
+        "foo(k)",
+        "foo(box)",
+    ),
+    *(
+        "common.helper(t)",
+        "m = common.helper(way)",
+        "k = rospy.get_param('x')",
+        "rospy.loginfo(way)",
+    ),
     *("way = [e for e in way]", "t = {e: 'A' for e in t}", "k = (lambda: 'A')()", "box.k = 'B'"),
-    *("fs.append(lambda: k)", "fs[0] = turned", "k = next(iter(way))", "names.append(k)", "change()"),
+    *(
+        "fs.append(lambda: k)",
+        "fs[0] = turned",
+        "k = next(iter(way))",
+        "names.append(k)",
+        "change()",
+    ),
     *("(k := 'B')", "assert n < 9", "global k", "print(k)", "k = str(n)", "del k", "import my_pkg"),
-    *("from my_pkg.common import helper", "k = box.k", "box.way = way", "box.way.reverse()", "pass"),
-    *("exec(\"k = 'B'\")", "globals()['k'] = 'B'", "setattr(box, 'k', 'A')", "k = getattr(box, 'k')"),
-    *("add = sm.add", "StateMachine.add = turn", "k = {'A': 'B'}.get(k, 'A')", "k = way.index('A')"),
+    *(
+        "from my_pkg.common import helper",
+        "k = box.k",
+        "box.way = way",
+        "box.way.reverse()",
+        "pass",
+    ),
+    *(
+        "exec(\"k = 'B'\")",
+        "globals()['k'] = 'B'",
+        "setattr(box, 'k', 'A')",
+        "k = getattr(box, 'k')",
+    ),
+    *(
+        "add = sm.add",
+        "StateMachine.add = turn",
+        "k = {'A': 'B'}.get(k, 'A')",
+        "k = way.index('A')",
+    ),
     *("k = vars()['m']", "first, *way = ['A', 'B', 'A']", "k = ''.join(way)", "k = 'B'.lower()"),
     *("class Box:\n    k = 'aborted'\nbox = Box()", "def pick(row): return row[-1]"),
-    *("def change():\n    global k\n    k = 'B'", "def turned():\n    way.reverse()\n    return 'A'"),
+    *(
+        "def change():\n    global k\n    k = 'B'",
+        "def turned():\n    way.reverse()\n    return 'A'",
+    ),
     *("async def late(): pass", "def gen():\n    yield way.reverse()", "list(gen())"),
     *("@foo\ndef pick(row): return 'B'", "sm = None", "StateMachine = foo", "sys.exit()"),
 ]
 LATER = [
     *("sm.set_initial_state(['B'])", "sm.set_initial_state([k])", "sm._transitions['A'] = {}"),
     *("sm._states.clear()", "t['failed'] = 'B'", "foo(sm)", "sm.register_outcomes(['B'])"),
-    *("sm.userdata.x = way", "sm.execute()", "with sm: StateMachine.add('Z', X(), {'failed': 'A'})"),
-    *("sm.open()\nStateMachine.add('Z', X())\nsm.close()", "sm2 = sm\nsm2.set_initial_state(['A'])"),
+    *(
+        "sm.userdata.x = way",
+        "sm.execute()",
+        "with sm: StateMachine.add('Z', X(), {'failed': 'A'})",
+    ),
+    *(
+        "sm.open()\nStateMachine.add('Z', X())\nsm.close()",
+        "sm2 = sm\nsm2.set_initial_state(['A'])",
+    ),
     *("if rospy.get_param('x'): sm.set_initial_state(['B'])", "t.clear()", "way.reverse()"),
-    *("for e in t: t[e] = 'A'", "box.sm = sm\nbox.sm.set_initial_state(['B'])", "foo(t)", "turn(t)"),
+    *(
+        "for e in t: t[e] = 'A'",
+        "box.sm = sm\nbox.sm.set_initial_state(['B'])",
+        "foo(t)",
+        "turn(t)",
+    ),
 ]
 PROLOGUE = """\
 import sys
@@ -166,7 +237,9 @@ class Programs:
                 during += self.statements(SIMPLE, 1)
         later = LATER if not self.flexbe else SIMPLE
         after = self.statements([*later, *SIMPLE], 1) if random.random() < 0.4 else []
-        outcomes = self.one_of(*["['succeeded', 'aborted']"] * 5, "['succeeded', m]", "way + ['aborted']")
+        outcomes = self.one_of(
+            *["['succeeded', 'aborted', 'A', 'B']"] * 5, "['succeeded', m]", "way + ['aborted']"
+        )
         made = f"sm = {self.add[:-4]}({self.one_of('', 'outcomes=')}{outcomes})"
         body = [*before, made, "with sm:", *[f"    {line}" for line in during], *after]
         return self._whole(body)
@@ -191,7 +264,8 @@ class Programs:
         head = "import smach\nfrom smach import StateMachine\nplace = StateMachine.add\n"
         lines = body
         if self.random.random() < 0.3:
-            lines = ["def main():", *[f"    {each}" for each in (*body, "sm.execute()")]]
+            inside = [*PROLOGUE.splitlines()[3:], *body, "sm.execute()"]
+            lines = ["def main():", *[f"    {each}" for each in inside]]
             lines += self.one_of(["main()"], ["if __name__ == '__main__':", "    main()"])
             lines += [] if self.random.random() < 0.8 else self.statements(SIMPLE)
         return head + PROLOGUE + states + "\n".join(lines) + "\n"
@@ -235,7 +309,9 @@ def _shown(made: State, *, flexbe: bool) -> Any:
     """A machine as the stand-ins show it; outcomes that only a class tells are left out."""
     states = []
     for each in made.states:
-        rows = {key: to for key, to in each.transitions.items() if to and key not in each.undeclared}
+        rows = {
+            key: to for key, to in each.transitions.items() if to and key not in each.undeclared
+        }
         if flexbe:
             rows.pop("preempted", None)
         inner = _shown(each, flexbe=flexbe) if each.container else None

@@ -163,9 +163,7 @@ class StateMachine(State):
         return WORLD.open[-1]._add(label, state, transitions)
 
     @staticmethod
-    def add_auto(
-        label: Any, state: Any, connector_outcomes: Any, transitions: Any = None
-    ) -> Any:
+    def add_auto(label: Any, state: Any, connector_outcomes: Any, transitions: Any = None) -> Any:
         here = WORLD.open[-1]
         here._add(label, state, transitions)
         if not all(each in state.get_registered_outcomes() for each in connector_outcomes):
