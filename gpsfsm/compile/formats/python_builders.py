@@ -280,7 +280,7 @@ class Builder:
             return UNKNOWN
         if self.reachable(node, owner, f"{label!r} is added"):
             entry = Entry(label, self.place(node), state, self._kind(node, label), transitions)
-            self._register(owner, entry)
+            self._register(node, owner, entry)
             if method == "add_auto":
                 self._connect(node, owner, entry, self.settled(values.get("connector_outcomes")))
         return state
@@ -315,7 +315,7 @@ class Builder:
         name = dotted(made.func).removeprefix("self.") if isinstance(made, ast.Call) else ""
         return name or label
 
-    def _register(self, owner: Container, entry: Entry) -> None:
+    def _register(self, node: ast.Call, owner: Container, entry: Entry) -> None:
         """What the library does with the dictionary of transitions, in place."""
         transitions, state = entry.transitions, entry.state
         open_state = not isinstance(state, Instance) or state.open
@@ -332,7 +332,11 @@ class Builder:
             if before.get(connector) is None:
                 before[connector] = entry.label
         for connector in owner.connectors:
-            owner.entries[-1].transitions[connector] = entry.label
+            before = owner.entries[-1].transitions
+            if before.get(connector):  # the documentation and the code of SMACH say the opposite
+                message = f"{connector!r} leads to the next state and to {before[connector]!r}"
+                self.fault(node, message, "remove one of them")
+            before[connector] = entry.label
         owner.connectors = ()
         owner.initial = owner.initial or entry.label
         owner.entries.append(entry)

@@ -573,11 +573,11 @@ class Calls(Effects):
         if self.open and not constructor and not self.constructing:
             message = f"{name or 'this call'}() may add states to the container that is open here"
             self.fault(node, message, "call it outside of the container, or add the states here")
+        outcomes = self.settled(keywords.get("outcomes"))
         for each in (*(arguments or ()), *keywords.values()):
             self.lose(each, node)
         if not constructor and not name.endswith("use_behavior"):
             return UNKNOWN
-        outcomes = self.settled(keywords.get("outcomes"))
         own = tuple(outcomes) if texts(outcomes) else ()
         return Instance(name.removeprefix("self."), outcomes=own, parameters=_shown(keywords))
 

@@ -1,4 +1,4 @@
-"""Stand-ins of SMACH and FlexBE that only record what a program builds; run as a process of its own.
+"""Stand-ins of SMACH and FlexBE that only record what a program builds, in a process of its own.
 
 It reads programs from its input, one JSON text a line, runs each in three worlds, and writes what
 was built in each, or null where the program raises an exception. In the worlds ``get_param``
@@ -16,7 +16,7 @@ import io
 import json
 import signal
 import sys
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any, ClassVar
 
 
@@ -209,13 +209,19 @@ class OperatableStateMachine(StateMachine):
         return WORLD.open[-1]._add(label, state, transitions)
 
 
+class ConcurrencyContainer(OperatableStateMachine):
+    def __init__(self, outcomes: Any = (), conditions: Any = ()) -> None:
+        super().__init__(outcomes)
+        self._map = {str(number): dict(row[1]) for number, row in enumerate(conditions)}
+
+
 class Behavior:
     def add_parameter(self, name: str, value: Any) -> None:
         setattr(self, name, value)
 
 
 def shown(made: Any, depth: int = 0) -> Any:
-    """A container as JSON: initial state, outcomes, and states with the transitions that are set."""
+    """A container as JSON: initial state, outcomes, states with the transitions that are set."""
     states = []
     for label, state in made._states.items() if depth < 9 else ():
         inner = shown(state, depth + 1) if isinstance(state, StateMachine) else None
@@ -235,11 +241,25 @@ def modules(world: World) -> dict[str, ModuleType]:
     ros = [SimpleActionState, ServiceState, MonitorState]
     for name, rows in (("smach", smach), ("smach_ros", ros)):
         result[name].__dict__.update({each.__name__: each for each in rows})
-    flexbe = {"Autonomy": ModuleType("Autonomy"), "Behavior": Behavior, "EventState": State}
+    flexbe = {
+        "Autonomy": SimpleNamespace(Off=0, Inherit=0),
+        "Behavior": Behavior,
+        "EventState": State,
+    }
     result["flexbe_core"].__dict__.update(OperatableStateMachine=OperatableStateMachine, **flexbe)
     result["rospy"].__dict__.update(
         get_param=world.param, loginfo=lambda *_: None, init_node=lambda *_: None
     )
+    result["flexbe_core"].__dict__.update(
+        ConcurrencyContainer=ConcurrencyContainer,
+        PriorityContainer=OperatableStateMachine,
+        Logger=SimpleNamespace(REPORT_HINT=1),
+    )
+    for name in ("Drive", "Wait", "Log"):
+        for package in ("my_states", "flexbe_states"):
+            module = f"{package}.{name.lower()}_state"
+            result |= {package: ModuleType(package), module: ModuleType(module)}
+            result[module].__dict__[f"{name}State"] = X
     result["my_pkg"].__dict__.update(common=result["my_pkg.common"])
     result["my_pkg.common"].__dict__.update(helper=world.foo, FLAG=world.number == 0)
     return result
@@ -247,7 +267,7 @@ def modules(world: World) -> dict[str, ModuleType]:
 
 def built(program: str, number: int) -> Any:
     """The machine that a program builds in a world; None if it raises an exception."""
-    global WORLD
+    global WORLD  # noqa: PLW0603  (the stand-ins are classes)
     WORLD = World(number)
     before = {key: getattr(StateMachine, key) for key in ("add", "add_auto")}
     sys.modules.update(modules(WORLD))
@@ -274,6 +294,6 @@ def built(program: str, number: int) -> Any:
 
 if __name__ == "__main__":
     for line in sys.stdin:
-        program = json.loads(line)
-        sys.__stdout__.write(json.dumps([built(program, number) for number in range(3)]) + "\n")  # type: ignore[union-attr]
-        sys.__stdout__.flush()  # type: ignore[union-attr]
+        rows = [built(json.loads(line), number) for number in range(3)]
+        sys.stdout.write(json.dumps(rows) + "\n")
+        sys.stdout.flush()
