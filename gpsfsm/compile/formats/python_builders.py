@@ -123,7 +123,7 @@ class Builder:
         self.lost: dict[int, Any] = {}  # what code may have changed that is not followed
         self.executed: list[Container] = []
         self.open: list[Container] = []  # those to which states are added, the innermost last
-        self.passed: set[int] = set()  # dictionaries that were transitions of a state of FlexBE
+        self.shared: set[int] = set()  # dictionaries that were transitions of a state of FlexBE
         self.notes: dict[tuple[str, Cause], Approximation] = {}
         self.copies = 0
 
@@ -210,9 +210,9 @@ class Builder:
         elif self.reachable(node, owner, f"the first state is {first!r}"):
             owner.initial = first
 
-    def initialised(self, made: Any, base: str, node: ast.Call, given: Arguments) -> None:
+    def initialised(self, made: Any, base: str, node: ast.Call, passed: Arguments) -> None:
         """``__init__`` of a class of the library."""
-        arguments, keywords = given
+        arguments, keywords = passed
         if isinstance(made, Container) and base in CONTAINERS:
             if arguments is None:
                 message = "the outcomes of this container are not written in the source"
@@ -220,11 +220,11 @@ class Builder:
             else:
                 self.describe(made, node, arguments, dict(keywords))
         elif isinstance(made, Instance) and base in STATES:
-            self.declare(made, base, given)
+            self.declare(made, base, passed)
 
-    def declare(self, made: Instance, base: str, given: Arguments) -> None:
+    def declare(self, made: Instance, base: str, passed: Arguments) -> None:
         """The outcomes that a state declares to its base class."""
-        arguments, keywords = given
+        arguments, keywords = passed
         position = {"State": 0, "EventState": 0, "CBState": 3}.get(base, 9)
         rows = (arguments or [])[position : position + 1] or [[]]
         written = self.settled(keywords.get("outcomes", rows[0]))
@@ -320,10 +320,10 @@ class Builder:
         transitions, state = entry.transitions, entry.state
         open_state = not isinstance(state, Instance) or state.open
         if owner.kind in FLEXBE:
-            written = PREEMPTED in transitions and id(transitions) not in self.passed
+            written = PREEMPTED in transitions and id(transitions) not in self.shared
             entry.preempts = written or (not open_state and PREEMPTED in state.outcomes)
             transitions[PREEMPTED] = PREEMPTED
-            self.passed.add(id(transitions))
+            self.shared.add(id(transitions))
         elif not owner.parallel and not open_state:
             for outcome in state.outcomes:
                 transitions.setdefault(outcome, None)

@@ -120,9 +120,9 @@ class Calls(Effects):
     def _name(self, name: str, scope: Scope) -> Any:
         if name in self.haunted:
             return UNKNOWN
-        known = scope.get(name)
-        if known is not None:
-            return known[0]
+        value = scope.get(name)
+        if value is not None:
+            return value[0]
         if name == "__name__":
             return "__main__"  # the file is the program
         if hasattr(builtins, name):
@@ -394,9 +394,9 @@ class Calls(Effects):
             raise FailsError
         scope.names |= function.defaults | dict(zip(names, arguments, strict=False)) | keywords
 
-    def _instance(self, kind: Class, node: ast.Call, given: Arguments) -> Any:
+    def _instance(self, kind: Class, node: ast.Call, passed: Arguments) -> Any:
         """An object of a class of the file: a state, a container, or something else."""
-        arguments, keywords = given
+        arguments, keywords = passed
         self.called.add(kind)
         bases = [each for each in kind.line() if not isinstance(each, Class)]
         last = bases[0].name.rpartition(".")[2] if bases and in_family(bases[0]) else ""
@@ -411,9 +411,9 @@ class Calls(Effects):
             if isinstance(init, Function):
                 self.call(init, arguments, keywords, node, owner=made)
             elif isinstance(init, Library) and in_family(init):
-                self.initialised(made, last, node, given)
+                self.initialised(made, last, node, passed)
             else:
-                self._unread(node, dotted(node.func) or "A", given)
+                self._unread(node, dotted(node.func) or "A", passed)
         finally:
             self.constructing -= not isinstance(made, Container)
         return made
@@ -427,22 +427,22 @@ class Calls(Effects):
 
     def _called(self, node: ast.Call, scope: Scope) -> Any:
         callee = self._inherited(node.func, scope) or self.value(node.func, scope)
-        given = self._arguments_of(node, scope)
-        arguments, keywords = given
+        passed = self._arguments_of(node, scope)
+        arguments, keywords = passed
         if isinstance(callee, Bound) and isinstance(callee.function, Function):
             return self.call(callee.function, arguments, keywords, node, owner=callee.owner)
         if isinstance(callee, Bound):
-            return self._method(callee, node, given)
+            return self._method(callee, node, passed)
         if isinstance(callee, Function):
             return self.call(callee, arguments, keywords, node)
         if isinstance(callee, Class):
-            return self._instance(callee, node, given)
+            return self._instance(callee, node, passed)
         if isinstance(callee, Library):
-            return self._library(callee, node, given)
+            return self._library(callee, node, passed)
         if isinstance(node.func, ast.Attribute) and dotted(node.func):
             self.lose(self.value(node.func.value, scope), node)
         self.lose(callee, node)
-        return self._unread(node, dotted(node.func), given)
+        return self._unread(node, dotted(node.func), passed)
 
     def _arguments_of(self, node: ast.Call, scope: Scope) -> Arguments:
         arguments = self._elements(node.args, scope)
@@ -467,9 +467,9 @@ class Calls(Effects):
         value = scope.owner.get(node.attr, inherited=True)
         return self._bound(value, next(iter(scope.names.values())))
 
-    def _method(self, callee: Bound, node: ast.Call, given: Arguments) -> Any:
+    def _method(self, callee: Bound, node: ast.Call, passed: Arguments) -> Any:
         """A method of a container, or of a text, a list or a dictionary; or of a base class."""
-        arguments, keywords = given
+        arguments, keywords = passed
         name, owner = callee.function, callee.owner
         if isinstance(name, Library):
             inherited = None if arguments is None else [owner, *arguments]
@@ -487,26 +487,26 @@ class Calls(Effects):
             return UNKNOWN
         return self.fresh(result[0]) if name in ("copy", "split") else result[0]
 
-    def _library(self, callee: Library, node: ast.Call, given: Arguments) -> Any:
+    def _library(self, callee: Library, node: ast.Call, passed: Arguments) -> Any:
         """A call of something that is imported or built in."""
-        arguments, keywords = given
+        arguments, keywords = passed
         root = callee.name.partition(".")[0]
         if callee.name in _EXITS:
             raise RaiseError
         if root == "builtins":
-            return self._built_in(callee.name[9:], node, given)
+            return self._built_in(callee.name[9:], node, passed)
         if in_family(callee):
-            return self._of_family(callee, node, given)
+            return self._of_family(callee, node, passed)
         if root not in _HARMLESS and not _is_message(callee.name):
-            return self._unread(node, dotted(node.func) or callee.name, given)
+            return self._unread(node, dotted(node.func) or callee.name, passed)
         for each in (*(arguments or ()), *keywords.values()):
             if isinstance(each, Container) or root not in KEEPING:
                 self.lose(each, node)
             self.later(each)
         return Library(f"{callee.name}()")
 
-    def _built_in(self, name: str, node: ast.Call, given: Arguments) -> Any:
-        arguments, keywords = given
+    def _built_in(self, name: str, node: ast.Call, passed: Arguments) -> Any:
+        arguments, keywords = passed
         if name in _FORBIDDEN:
             self.fault(node, f"what {name}() does is not followed", "write it out")
             return UNKNOWN
@@ -518,9 +518,9 @@ class Calls(Effects):
             self.lose(each, node)
         return self.fresh(function_result(name, arguments, keywords))
 
-    def _of_family(self, callee: Library, node: ast.Call, given: Arguments) -> Any:
+    def _of_family(self, callee: Library, node: ast.Call, passed: Arguments) -> Any:
         """A call of SMACH or FlexBE."""
-        arguments, keywords = given
+        arguments, keywords = passed
         *_, kind, last = ("", *callee.name.split("."))
         builder = kind in CONTAINERS and last in ("add", "add_auto")
         if last == "Iterator":
@@ -534,7 +534,7 @@ class Calls(Effects):
             return self.add(f"{kind}.{last}", node, arguments or [], keywords)
         if last in CONTAINERS:
             made = self._container(node, last)
-            self.initialised(made, last, node, given)
+            self.initialised(made, last, node, passed)
             return made
         if last == "__init__" and arguments:
             self.initialised(arguments[0], kind, node, (arguments[1:], keywords))
@@ -549,7 +549,7 @@ class Calls(Effects):
         name = dotted(node.func).removeprefix("self.") or last
         if last in STATES:
             state = Instance(name, parameters=_shown(keywords))
-            self.declare(state, last, given)
+            self.declare(state, last, passed)
             return state
         if last == "use_behavior":
             return Instance(name, parameters=_shown(keywords))
@@ -566,9 +566,9 @@ class Calls(Effects):
                 self.executed.append(each)
         return Library(f"{callee.name}()")
 
-    def _unread(self, node: ast.Call, name: str, given: Arguments) -> Any:
+    def _unread(self, node: ast.Call, name: str, passed: Arguments) -> Any:
         """A call of code that is not followed."""
-        arguments, keywords = given
+        arguments, keywords = passed
         constructor = name.rpartition(".")[2].rpartition("__")[2][:1].isupper()
         if self.open and not constructor and not self.constructing:
             message = f"{name or 'this call'}() may add states to the container that is open here"
