@@ -425,7 +425,7 @@ class _Writer:
                 self._end(scope, outer, signal, result)
 
     def _results(self, scope: _Scope, combination: tuple[str, ...]) -> list[str]:
-        """How a combination ends the concurrence, in all versions of the engine."""
+        """The outcomes of a concurrence at a combination, in all versions of the engine."""
         state = scope.state
         here = {each.name: outcome for each, outcome in zip(state.states, combination, strict=True)}
         every = [state.rules] if state.rules_before is None else [state.rules, state.rules_before]

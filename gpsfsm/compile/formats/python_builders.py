@@ -63,23 +63,23 @@ _BY_STATE = {"PriorityContainer", "ConcurrencyContainer"}
 _SKIPPED = ("remapping", "autonomy", "constants", *_KEYS)
 HARMLESS_METHODS = frozenset(
     {"execute", "async_execute", "request_preempt", "preempt_requested", "service_preempt"}
-    | {"recall_preempt", "is_running", "get_children", "get_active_states", "is_opened", "set_name"}
-    | {"get_registered_outcomes", "get_initial_states", "check_consistency", "name", "userdata"}
-    | {"register_start_cb", "register_transition_cb", "register_termination_cb", "confirm"}
-    | {"initialize_ros", "initialize_flexbe_core", "outcomes", "states", "path"}
+    | {"recall_preempt", "is_running", "get_active_states", "is_opened", "set_name", "userdata"}
+    | {"get_registered_outcomes", "get_initial_states", "check_consistency", "name", "confirm"}
+    | {"register_start_cb", "register_transition_cb", "register_termination_cb"}
+    | {"initialize_ros", "initialize_flexbe_core"}
 )
-"""What a program may do with a container without changing it."""
+"""Attributes of a container by which a program does not change it."""
 
 
 Arguments = tuple[list[Any] | None, dict[str, Any]]
 """The arguments of a call; None where a star hides which they are."""
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, kw_only=True)
 class Container(Instance):
     """A container and its entries in the order in which they are added."""
 
-    place: Place = None  # type: ignore[assignment]
+    place: Place
     entries: list[Entry] = field(default_factory=list)
     policy: dict[str, Any] = field(default_factory=dict)
     initial: str = ""
@@ -173,7 +173,7 @@ class Builder:
     def describe(
         self, made: Container, node: ast.Call, arguments: list[Any], keywords: dict[str, Any]
     ) -> None:
-        """What the call of a container's class says."""
+        """Read the call of a container's class."""
         if made.kind == "ConcurrencyContainer" and "conditions" in keywords:
             arguments = [keywords.pop("conditions"), *arguments]
         values = self._arguments(made.kind, node, arguments, keywords)
@@ -316,7 +316,7 @@ class Builder:
         return name or label
 
     def _register(self, node: ast.Call, owner: Container, entry: Entry) -> None:
-        """What the library does with the dictionary of transitions, in place."""
+        """Change the dictionary of transitions in place, as the library does."""
         transitions, state = entry.transitions, entry.state
         open_state = not isinstance(state, Instance) or state.open
         if owner.kind in FLEXBE:
@@ -416,7 +416,7 @@ class Builder:
         transitions |= {each: each for each in result.undeclared if each not in transitions}
 
     def _decide(self, made: Container, result: State) -> None:
-        """How a concurrence ends."""
+        """Read the end of a concurrence."""
         policy = made.policy
         if made.kind == "Concurrence":
             default, rules = policy.get("default_outcome", ""), policy.get("outcome_map", {})

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.compile.formats.python_builders import (
@@ -26,6 +27,7 @@ from gpsfsm.compile.formats.python_effects import (
     RaiseError,
     TooMuchError,
     in_family,
+    own_nodes,
 )
 from gpsfsm.compile.formats.python_values import (
     CHANGING,
@@ -47,6 +49,7 @@ from gpsfsm.compile.formats.python_values import (
     row,
     truth,
 )
+from gpsfsm.model.precision import Cause, Reading
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -184,6 +187,7 @@ class Calls(Effects):
                 return value
             case ast.Lambda():
                 made = Function(node, scope)
+                self.functions.append(made)
                 self.later(made)
                 return made
             case ast.ListComp() | ast.DictComp() | ast.SetComp() | ast.GeneratorExp():
@@ -205,7 +209,7 @@ class Calls(Effects):
     def _either_of(self, nodes: Sequence[ast.expr], scope: Scope) -> Any:
         """Expressions of which only a run decides whether they are evaluated."""
         for each in nodes:
-            self.perhaps(lambda each=each: self.value(each, scope), lambda: None)  # type: ignore[misc]
+            self.perhaps(partial(self.value, each, scope), lambda: None)
         return UNKNOWN
 
     def _unary(self, node: ast.UnaryOp, scope: Scope) -> Any:
@@ -342,7 +346,7 @@ class Calls(Effects):
     ) -> Any:
         """A call of a function of the file. Arguments that are None may be any."""
         self.called.add(function)
-        inner = [*_own(function.node)]
+        inner = [*own_nodes(function.node)]
         if any(isinstance(each, ast.Yield | ast.YieldFrom | ast.Await) for each in inner):
             self.later(function)
             return UNKNOWN
@@ -419,7 +423,7 @@ class Calls(Effects):
         return made
 
     def _container(self, node: ast.Call, kind: str, of: Class | None = None) -> Container:
-        made = Container(kind, of, place=self.place(node), branch=self.branch)
+        made = Container(kind=kind, of=of, place=self.place(node), branch=self.branch)
         self.containers.append(made)
         return made
 
@@ -570,7 +574,9 @@ class Calls(Effects):
         """A call of code that is not followed."""
         arguments, keywords = passed
         constructor = name.rpartition(".")[2].rpartition("__")[2][:1].isupper()
-        if self.open and not constructor and not self.constructing:
+        if self.open and not constructor and self.constructing:
+            self.note(Reading.DEFAULTED, f"{name}()", node, Cause.ADDS_NOTHING)
+        elif self.open and not constructor:
             message = f"{name or 'this call'}() may add states to the container that is open here"
             self.fault(node, message, "call it outside of the container, or add the states here")
         outcomes = self.settled(keywords.get("outcomes"))
@@ -590,11 +596,3 @@ def _is_message(name: str) -> bool:
 def _shown(keywords: dict[str, Any]) -> dict[str, Any]:
     """The parameters of a state that a report shows."""
     return {key: each for key, each in keywords.items() if isinstance(each, str | int | float)}
-
-
-def _own(node: ast.AST) -> Iterable[ast.AST]:
-    """The nodes in a function, without those in functions of its own."""
-    for child in ast.iter_child_nodes(node):
-        yield child
-        if not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
-            yield from _own(child)

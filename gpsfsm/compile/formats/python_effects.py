@@ -197,16 +197,34 @@ class Effects(Builder):
         builds = any(dotted(each.func).rpartition(".")[2] in CONTAINERS for each in calls)
         names |= {each.arg for each in nodes if isinstance(each, ast.arg)}
         for each in nodes:
-            if isinstance(each, ast.Attribute):
-                base = dotted(each.value).rpartition(".")[2]
-                adds = each.attr == "add" and base in CONTAINERS
-                if (each.attr in _PRIVATE or adds) and not builds:
-                    message = f"{each.attr!r} may change the machine while it runs"
-                    self.fault(each, message, "build the whole machine before it is executed")
+            around = self._mentioned(function, each)
+            self.later(around)
+            base = dotted(each.value).rpartition(".")[2] if isinstance(each, ast.Attribute) else ""
+            attribute = each.attr if isinstance(each, ast.Attribute) else ""
+            adds = attribute == "add" and base in CONTAINERS
+            adds |= isinstance(around, Library) and around.name.endswith((".add", ".add_auto"))
+            opens = isinstance(each, ast.withitem) and dotted(each.context_expr) not in names
+            builds_here = builds and not opens
+            opens &= isinstance(around, Container)
+            if ((attribute in _PRIVATE or adds) and not builds_here) or opens:
+                node = each.context_expr if isinstance(each, ast.withitem) else each
+                message = "this may change the machine while it runs"
+                self.fault(node, message, "build the whole machine before it is executed")
             for changed in _changed_by(each):
                 spot = changed.attr if isinstance(changed, ast.Attribute) else changed.id
                 if isinstance(changed, ast.Attribute) or spot not in names:
                     self.haunted.add(spot)
+
+    def _mentioned(self, function: Function, node: ast.AST) -> Any:
+        """A value of a name, or a method of the class, that a function mentions."""
+        if isinstance(node, ast.withitem):
+            node = node.context_expr
+        value: Any = None
+        if isinstance(node, ast.Name):
+            value = (function.scope.get(node.id) or (None,))[0]
+        elif isinstance(node, ast.Attribute) and function.owner is not None:
+            value = function.owner.get(node.attr)
+        return value
 
     def changed_attribute(self, owner: Any, name: str, value: Any, node: ast.AST) -> None:
         """An attribute is assigned."""
@@ -250,7 +268,7 @@ class Effects(Builder):
 
 
 def _end(action: Callable[[], object]) -> str:
-    """How an action ends."""
+    """The end of an action."""
     try:
         action()
     except RaiseError:
@@ -275,7 +293,7 @@ def in_family(value: Any) -> bool:
 
 
 def _changed_by(node: ast.AST) -> Iterable[ast.Name | ast.Attribute]:
-    """What a node of a syntax tree may change in place, or assign as an attribute."""
+    """Names and attributes that a node may change in place, or assign."""
     changed: list[ast.AST] = []
     if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store | ast.Del):
         changed = [node]
@@ -288,3 +306,11 @@ def _changed_by(node: ast.AST) -> Iterable[ast.Name | ast.Attribute]:
         if dotted(function).partition(".")[0] not in (*KEEPING, *FAMILY, "print", "str", "len"):
             changed += [*node.args, *(each.value for each in node.keywords)]
     return [each for each in changed if isinstance(each, ast.Name | ast.Attribute)]
+
+
+def own_nodes(node: ast.AST) -> Iterable[ast.AST]:
+    """The nodes in a function, without those in functions of its own."""
+    for child in ast.iter_child_nodes(node):
+        yield child
+        if not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            yield from own_nodes(child)

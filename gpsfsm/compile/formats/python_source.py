@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from gpsfsm.syntax.source import Limits
 
 _PRINT = re.compile(r"^([ \t]*)print\b(?!\s*\().*$", re.M)
+_PREEMPTING = re.compile(r"request_preempt|set_preempt_handler")
 _EXCEPT = re.compile(r"^([ \t]*except\s+[\w.()]+), ?(\w+)[ \t]*:", re.M)
 
 
@@ -73,6 +74,9 @@ class Source(Calls):
         super().__init__()
         self.lines = Lines(text)
         self.problems: list[Problem] = []
+        for each in _PREEMPTING.finditer(text):
+            place = self.place(ast.Pass(lineno=text.count("\n", 0, each.start()) + 1, col_offset=0))
+            self.note(Reading.DEFAULTED, each[0], place, Cause.PREEMPTION)
         tree = self._parsed(text)
         if tree is not None:
             self._guarded(lambda: self._module(tree))
@@ -116,7 +120,7 @@ class Source(Calls):
         return top
 
     def _changed_later(self, top: Container) -> None:
-        """What callbacks and states may do to the machine while it runs."""
+        """Refuse what callbacks and states may do to the machine while it runs."""
         for function in self.functions:
             if function not in self.called:
                 self.later(function)
@@ -321,16 +325,21 @@ class Source(Calls):
             self.step()
             test = truth(self.value(node.test, scope))
             if test is UNKNOWN:
-                self.repeated(around)
-                break
+                self._unsure(around, node, scope)
+                return
             if not test:
                 break
             if self._round(node.body, scope):
                 return
             if self.left:
-                self.repeated(around)
+                self._unsure(around, node, scope)
                 return
         self.block(node.orelse, scope)
+
+    def _unsure(self, around: Callable[[], None], node: ast.While | ast.For, scope: Scope) -> None:
+        """The rounds of a loop of which only a run decides how many there are."""
+        self.repeated(around)
+        self.perhaps(partial(self.block, node.orelse, scope), lambda: None)
 
     def _round(self, body: Sequence[ast.stmt], scope: Scope) -> bool:
         """One round of a loop; True if a break ends it."""
@@ -350,8 +359,7 @@ class Source(Calls):
             self.block(node.body, scope)
 
         if not row(rows) or (self.branch and used_up(rows)):
-            self.repeated(around)
-            self.block(node.orelse, scope)
+            self._unsure(around, node, scope)
             return
         try:
             for each in rows:
@@ -360,7 +368,7 @@ class Source(Calls):
                 if self._round(node.body, scope):
                     return
                 if self.left:
-                    self.repeated(around)
+                    self._unsure(around, node, scope)
                     return
         except RuntimeError as error:  # its size has changed
             if isinstance(error, RecursionError):
@@ -377,14 +385,28 @@ class Source(Calls):
             if isinstance(value, Container):
                 self.open.append(value)
                 entered += 1
+        body = partial(self.block, node.body, scope)
         try:
-            self.block(node.body, scope)
+            if entered == len(node.items):
+                body()
+            else:  # it may swallow exceptions
+                self._torn(node, body)
         finally:  # a return may leave it
             if entered:
                 del self.open[-entered:]
 
-    def _try(self, node: ast.Try, scope: Scope) -> None:
+    def _torn(self, node: ast.stmt, *actions: Callable[[], None]) -> None:
+        """Statements, of which an exception may leave the first ones in their midst."""
         first = len(self.containers)
+        try:
+            self.perhaps(*actions, torn=True)
+        finally:
+            executed = {id(each) for made in self.executed for each in made.within()}
+            for each in self.containers[first:]:
+                if id(each) not in executed:
+                    each.torn = each.torn or node
+
+    def _try(self, node: ast.Try, scope: Scope) -> None:
         handlers = [each for each in node.handlers if not isinstance(each.body[-1], ast.Raise)]
 
         def handle(handler: ast.ExceptHandler) -> None:
@@ -395,15 +417,11 @@ class Source(Calls):
         body = partial(self.block, (*node.body, *node.orelse), scope)
         try:
             if handlers:
-                self.perhaps(body, *(partial(handle, each) for each in handlers), torn=True)
+                self._torn(node, body, *(partial(handle, each) for each in handlers))
             else:
                 body()
         finally:
-            executed = {id(each) for made in self.executed for each in made.within()}
-            for each in self.containers[first:] if handlers else ():
-                if id(each) not in executed:
-                    each.torn = each.torn or node
-        self.block(node.finalbody, scope)
+            self.block(node.finalbody, scope)
 
     def _import(self, node: ast.Import | ast.ImportFrom, scope: Scope) -> None:
         for each in node.names:

@@ -131,6 +131,7 @@ LATER = [
 PROLOGUE = """\
 import sys
 import rospy
+from contextlib import suppress
 from my_pkg import common
 k, m, n = 'succeeded', 'aborted', 1
 way = ['succeeded', 'A']
@@ -196,6 +197,8 @@ class Programs:
             [f"getattr({self.add[:-4]}, 'add')({name}, {state}, transitions={rows})"],
             [f"def adder(): {call}", self.one_of("adder()", "foo(adder)", "n and adder()")],
             ["try:", f"    {call}", "except Exception:", "    pass"],
+            ["with suppress(Exception):", "    k = foo()", f"    {call}"],
+            [f"def adder(): {call.replace(self.add, 'place')}", "foo(lambda: adder())"],
             ["while n < 2:", f"    {call}", "    n += 1"],
             [f"(lambda: {call})()"],
             [f"sm.{self.add.rpartition('.')[2]}({name}, {state}, transitions={rows})"],
@@ -220,6 +223,8 @@ class Programs:
             ["try:", *inner, *other, "except Exception:", *other],
             ["try:", *inner, "except KeyError:", "    pass", "else:", *other],
             ["try:", *inner, "finally:", *other],
+            ["with suppress(Exception):", *inner, *other],
+            [f"while {test}:", *inner, f"    if {test}: break", "    n += 1", "else:", *other],
             [f"match {self.one_of('n', 'k')}:", "    case 1:"]
             + [f"    {line}" for line in inner]
             + ["    case _:", *[f"    {line}" for line in other]],
@@ -260,13 +265,13 @@ class Programs:
         if self.flexbe:
             head = "from flexbe_core import *\nplace = OperatableStateMachine.add\n"
             lines = [*body, "return sm"]
-            inner = "".join(f"        {line}\n" for line in [*PROLOGUE.splitlines()[3:], *lines])
+            inner = "".join(f"        {line}\n" for line in [*PROLOGUE.splitlines()[4:], *lines])
             text = f"class T(Behavior):\n    def create(self):\n{inner}"
-            return head + "\n".join(PROLOGUE.splitlines()[:3]) + "\n" + states + text
+            return head + "\n".join(PROLOGUE.splitlines()[:4]) + "\n" + states + text
         head = "import smach\nfrom smach import StateMachine\nplace = StateMachine.add\n"
         lines = body
         if self.random.random() < 0.3:
-            inside = [*PROLOGUE.splitlines()[3:], *body, "sm.execute()"]
+            inside = [*PROLOGUE.splitlines()[4:], *body, "sm.execute()"]
             lines = ["def main():", *[f"    {each}" for each in inside]]
             lines += self.one_of(["main()"], ["if __name__ == '__main__':", "    main()"])
             lines += [] if self.random.random() < 0.8 else self.statements(SIMPLE)

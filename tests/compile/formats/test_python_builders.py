@@ -77,7 +77,8 @@ def test_random_programs_are_read_and_refused() -> None:
 
 HEAD = (
     "import smach\nfrom smach import *\nfrom smach_ros import *\nfrom somewhere import Elsewhere\n"
-    "class Own(State):\n  def __init__(self):\n    State.__init__(self, outcomes=['ok', 'failed'])\n"
+    "class Own(State):\n  def __init__(self):\n"
+    "    State.__init__(self, outcomes=['ok', 'failed'])\n"
 )
 TOP = HEAD + "sm = StateMachine(outcomes=['done', 'aborted'])\nwith sm:\n"
 LINE = HEAD.count("\n") + 3  # of what follows TOP
@@ -189,6 +190,10 @@ GOOD = "  StateMachine.add('A', Own(), {'ok': 'done', 'failed': 'aborted'})\n"
         "sm.execute()\nwith sm: StateMachine.add('B', Own(), {'failed': 'aborted'})\n",
         "StateMachine.add = None\n",
         "State.get_registered_outcomes = None\n",
+        "sm.get_children()['A'].register_outcomes(['x'])\n",
+        "def later():\n  with sm: StateMachine.add('B', Own())\nchange(later)\n",
+        "def inner(): sm.set_initial_state(['A'])\nchange(lambda: inner())\n",
+        "from contextlib import suppress\nwith sm, suppress(KeyError): change()\n",
         "def later(): sm.set_initial_state(['A'])\nimport rospy\nrospy.Timer(1, later)\n",
         "exec('sm = None')\n",
         "Iterator(outcomes=['x'])\n",
@@ -198,6 +203,13 @@ GOOD = "  StateMachine.add('A', Own(), {'ok': 'done', 'failed': 'aborted'})\n"
 )
 def test_what_changes_a_machine_otherwise_is_refused(more: str) -> None:
     assert any(line >= LINE + 1 for line in lines(TOP + GOOD + more))
+
+
+def test_who_preempts_is_assumed() -> None:
+    text = TOP + GOOD + "sm.execute()\ndef stop(): sm.request_preempt()\n"
+    plan, problems = result(text)
+    assert plan is not None, problems
+    assert {each.cause for each in plan.approximations} == {Cause.PREEMPTION}
 
 
 def test_a_second_machine_and_names_of_other_files_are_listed() -> None:

@@ -193,6 +193,7 @@ def test_what_only_a_run_knows_is_refused_at_its_line(text: str, line: int, mess
 
 def test_conditions_of_flexbe_that_are_not_written_are_refused() -> None:
     text = "from flexbe_core import *\nc = ConcurrencyContainer(outcomes=['a'], conditions=[f()])\n"
+    text += "with c: OperatableStateMachine.add('A', S(), {'x': 'a'})\n"
     assert refused(text, FLEXBE) == [
         (2, "the conditions of this container are not written in the source")
     ]
