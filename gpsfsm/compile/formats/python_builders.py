@@ -139,6 +139,10 @@ class Builder:
         """A value may be a function that is called later."""
         raise NotImplementedError
 
+    def certain(self, value: Any) -> bool:
+        """True if the program gets here wherever it makes a value."""
+        raise NotImplementedError
+
     def note(self, reading: Reading, construct: str, node: ast.AST | Place, cause: Cause) -> None:
         """Something that is skipped or assumed; of each kind, the first place is enough."""
         self.notes.setdefault((construct, cause), _approximation(reading, construct, node, cause))
@@ -217,7 +221,7 @@ class Builder:
             if arguments is None:
                 message = "the outcomes of this container are not written in the source"
                 self.fault(node, message, "write them out")
-            else:
+            elif self.reachable(node, made, "the container has these outcomes"):
                 self.describe(made, node, arguments, dict(keywords))
         elif isinstance(made, Instance) and base in STATES:
             self.declare(made, base, passed)
@@ -232,7 +236,7 @@ class Builder:
         callback = callback.function if isinstance(callback, Bound) else callback
         own = tuple(written) if texts(written) else ()
         made.outcomes = tuple(dict.fromkeys((*STATES[base], *own)))
-        made.open = arguments is None or not texts(written)
+        made.open = arguments is None or not texts(written) or not self.certain(made)
         made.open |= base == "CBState" and not isinstance(callback, Function)
         for each in (*(arguments or ()), *keywords.values()):
             self.later(each)

@@ -408,7 +408,7 @@ class Calls(Effects):
             made: Instance = self._container(node, last, kind)
         else:
             made = Instance(kind.name, kind, parameters=_shown(keywords))
-        self.instances.append(made)
+        self.instances.append(self.fresh(made))
         init = kind.get("__init__")
         self.constructing += not isinstance(made, Container)
         try:
@@ -552,7 +552,7 @@ class Calls(Effects):
             )
         name = dotted(node.func).removeprefix("self.") or last
         if last in STATES:
-            state = Instance(name, parameters=_shown(keywords))
+            state = self.fresh(Instance(name, parameters=_shown(keywords)))
             self.declare(state, last, passed)
             return state
         if last == "use_behavior":
@@ -560,7 +560,7 @@ class Calls(Effects):
         if last == "register_outcomes" and arguments and isinstance(arguments[0], Instance):
             rows = self.settled(arguments[1]) if len(arguments) > 1 else UNKNOWN
             arguments[0].outcomes += tuple(rows) if texts(rows) else ()
-            arguments[0].open |= not texts(rows)
+            arguments[0].open |= not texts(rows) or not self.certain(arguments[0])
             return None
         for each in (*(arguments or ()), *keywords.values()):
             self.later(each)

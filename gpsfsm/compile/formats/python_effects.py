@@ -243,6 +243,8 @@ class Effects(Builder):
         elif isinstance(owner, Class):
             self.write(owner.names, name, value)
         else:
+            if name in (*CONTAINERS, "add", "add_auto", "State"):
+                self.fault(node, f"{name!r} of an unknown object is replaced", "leave it as it is")
             self.lose(owner, node)
             self.lose(value, node)
 

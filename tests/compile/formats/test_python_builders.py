@@ -190,6 +190,9 @@ GOOD = "  StateMachine.add('A', Own(), {'ok': 'done', 'failed': 'aborted'})\n"
         "sm.execute()\nwith sm: StateMachine.add('B', Own(), {'failed': 'aborted'})\n",
         "StateMachine.add = None\n",
         "State.get_registered_outcomes = None\n",
+        "import sys\nsys.modules['smach'].StateMachine = change\n",
+        "type(sm).add = change\n",
+        "sm.__class__ = change\n",
         "sm.get_children()['A'].register_outcomes(['x'])\n",
         "def later():\n  with sm: StateMachine.add('B', Own())\nchange(later)\n",
         "def inner(): sm.set_initial_state(['A'])\nchange(lambda: inner())\n",
@@ -203,6 +206,17 @@ GOOD = "  StateMachine.add('A', Own(), {'ok': 'done', 'failed': 'aborted'})\n"
 )
 def test_what_changes_a_machine_otherwise_is_refused(more: str) -> None:
     assert any(line >= LINE + 1 for line in lines(TOP + GOOD + more))
+
+
+def test_outcomes_that_only_a_run_decides_are_not_declared() -> None:
+    text = TOP.replace("class Own", "import rospy\nclass Own").replace(
+        "    State.__init__(self, outcomes=['ok', 'failed'])\n",
+        (
+            "    if rospy.get_param('x'): State.__init__(self, outcomes=['ok', 'aborted'])\n"
+            "    else: State.__init__(self, outcomes=['ok'])\n"
+        ),
+    )
+    assert causes(text + "  StateMachine.add('A', Own(), {'ok': 'done'})\n") == {Cause.UNDECLARED}
 
 
 def test_who_preempts_is_assumed() -> None:
