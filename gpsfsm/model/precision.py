@@ -56,6 +56,10 @@ class Cause(StrEnum):
     RESUMED = "the run is assumed to be resumed there"
     DATA = "data is not read"
     EARLIER = "an earlier transition is always taken instead"
+    PREEMPTION = "nobody is assumed to preempt it"
+    IMPORTS = "it is assumed to replace no name that this file uses"
+    ADDS_NOTHING = "it is assumed to add no state"
+    ANOTHER_MACHINE = "another machine of the file was read"
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,17 +20,24 @@ those of its container, or in a concurrence one of which no rule speaks. They en
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.compile.formats.elements import problem
+from gpsfsm.compile.formats.states import (
+    RAISED,
+    UNNAMED,
+    State,
+    combinations,
+    in_conflict,
+    may_raise,
+    needed,
+    results,
+)
 from gpsfsm.compile.machines import Place, ReadMachine, machine_of, mark
 from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Location
-from gpsfsm.model.precision import Approximation, Cause, Reading
+from gpsfsm.model.precision import Cause
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
@@ -39,8 +46,8 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from gpsfsm.model.finding import Problem
+    from gpsfsm.model.precision import Approximation
 
-MOST_COMBINATIONS: Final = 64
 MOST_STATES: Final = 5_000
 _DEEPEST: Final = 100
 _FAILURE = re.compile(
@@ -49,10 +56,6 @@ _FAILURE = re.compile(
     re.I,
 )
 _DONE: Final = Event.SUCCEEDED
-_RAISED: Final = ""
-"""The outcome of a container that ends by an exception."""
-_UNNAMED: Final = "*"
-"""All outcomes of which no rule of a concurrence speaks."""
 Signal = tuple[str, Event]
 """An event of a node of the graph."""
 
@@ -64,43 +67,6 @@ def is_failure(outcome: str) -> bool:
     [False, True, True, False]
     """
     return _FAILURE.search(outcome) is not None
-
-
-@dataclass(slots=True)
-class State:
-    """A state, or a container with ``states`` in it.
-
-    ``transitions`` name a state beside it, or an outcome of the container around it, by outcome.
-    ``kind`` is what the file calls it; ``parallel`` containers are concurrences, whose ``rules``
-    say (outcome, outcomes by state) in their order, and ``default`` what else.
-
-    ``open``: how the file leaves open which further outcomes a state has. In a container that goes
-    ``by_name``, an outcome without a transition leads to the state of that name. ``exclusive``: a
-    concurrence raises where several of its outcomes hold, or none and there is no default.
-    """
-
-    name: str
-    place: Place
-    kind: str = "State"
-    transitions: dict[str, str] = field(default_factory=dict)
-    outcomes: tuple[str, ...] = ()
-    parameters: dict[str, Any] = field(default_factory=dict)
-    states: list[State] = field(default_factory=list)
-    initial: str = ""
-    container: bool = False
-    parallel: bool = False
-    early: bool = False
-    open_end: bool = False  # a function in the file decides how it ends, and nobody knows how
-    rules: list[tuple[str, Mapping[str, str]]] = field(default_factory=list)
-    default: str = ""
-    open: Cause | None = None
-    by_name: bool = False
-    exclusive: bool = False
-
-    def over(self, cause: Cause) -> Approximation:
-        """The report that it is over-approximated."""
-        location = Location(self.place.line, self.place.column, clip(f"/machine/{self.name}", 200))
-        return Approximation(Reading.OVER, clip(self.name, 60), location, cause)
 
 
 def machine_from(
@@ -203,7 +169,7 @@ class _Writer:
                     message = f"the outcome map of {state.name!r} names {name!r}, which it lacks"
                     self._fault(state, message, "name one of its states")
             self._check_outcome(state, outcome, "the outcome map leads to")
-        raises = state.exclusive and state.default == _RAISED
+        raises = state.exclusive and state.default == RAISED
         if state.parallel and not state.open_end and not state.early and not raises:
             self._check_outcome(state, state.default, "by default it ends with")
 
@@ -248,9 +214,18 @@ class _Writer:
     def _leaf(self, scope: _Scope, state: State) -> None:
         path = f"{scope.path}/{state.name}" if scope.path else state.name
         own = {key: each for key, each in state.parameters.items() if not key.startswith("@")}
-        state.parameters["@node"] = self._node(
+        state.parameters["@node"] = node = self._node(
             path, state.place, kind="runner", interface=state.kind, parameters=own
         )
+
+        mark(self.graph, node, *state.marks)
+        around: _Scope | None = scope
+        while around is not None and around.state.kind != "PriorityContainer":
+            around = around.outer
+        while around is not None and not around.state.parallel:
+            around = around.outer
+        if around is not None:  # the others beside the container do not wait
+            self._mark(node, state, Cause.PRIORITY)
 
     def _choice(
         self, scope: _Scope | None, of: str, place: Place, signals: list[Signal]
@@ -305,7 +280,7 @@ class _Writer:
         """A container ends by an exception: so does all around it, once concurrences have ended."""
         while scope.outer is not None:
             if scope.outer.state.parallel:
-                scope.outer.ends.setdefault(scope.state.name, []).append((_RAISED, signal))
+                scope.outer.ends.setdefault(scope.state.name, []).append((RAISED, signal))
                 return
             scope = scope.outer
         self._connect([signal], "give_up")
@@ -313,16 +288,43 @@ class _Writer:
     def _outcomes(self, scope: _Scope, state: State) -> None:
         """The outcomes of a state: by its two events, and choices where these are not enough."""
         node = state.parameters["@node"]
-        outcomes = list(dict.fromkeys((*state.transitions, *state.outcomes)))
-        if not outcomes and not self._has_more(scope, state):
-            outcomes = ["done"]
+        besides = [each for each in state.undeclared if each not in state.outcomes]
+        every = list(dict.fromkeys((*state.transitions, *state.outcomes)))
+        outcomes = [each for each in every if each not in besides]
+        if not outcomes:  # nobody knows any
+            outcomes, besides = every, []
+            if state.undeclared:
+                self._mark(node, state, Cause.UNDECLARED)
+            if not outcomes and not self._has_more(scope, state):
+                outcomes = ["done"]
         failures = [each for each in outcomes if is_failure(each)]
         others = [each for each in outcomes if each not in failures]
         if not failures or not others:
             kept = outcomes
             others, failures = (kept[:1], kept[1:]) if len(kept) > 1 else (kept, kept)
         for event, names in ((Event.SUCCEEDED, others), (Event.FAILED, failures)):
-            self._among((node, event), scope, state, names)
+            signal = (node, event)
+            for each in besides:
+                targets = [state.transitions.get(name, name) for name in names]
+                if is_failure(each) is (event is Event.FAILED) and (
+                    state.transitions.get(each, each) not in targets
+                ):
+                    signal = self._besides(signal, scope, state, each)
+            self._among(signal, scope, state, names)
+
+    def _besides(self, signal: Signal, scope: _Scope, state: State, outcome: str) -> Signal:
+        """An outcome that the state may have or not: its way is marked, not what else it does."""
+        of = f"{state.parameters['@node']}: {outcome}"
+        taken, other = self._choice(scope, of, state.place, [signal])
+        tick = self._node(f"{of} perhaps", state.place, kind="runner", interface=TICK)
+        scope.added.append(tick)
+        self._connect([taken], tick)
+        self._mark(tick, state, Cause.UNDECLARED)
+        self._leave((tick, _DONE), scope, state, outcome)
+        return other
+
+    def _mark(self, node: str, state: State, cause: Cause) -> None:
+        mark(self.graph, node, state.over(cause))
 
     def _among(self, signal: Signal, scope: _Scope, state: State, outcomes: list[str]) -> None:
         """One of several outcomes; those that lead to the same place need no choice."""
@@ -356,25 +358,23 @@ class _Writer:
 
     def _undeclared(self, signal: Signal, scope: _Scope, state: State) -> None:
         """An outcome that is not in the file; what it leads to is one choice for all states."""
-        assert state.open is not None
-        over = state.over(state.open)
         if scope.state.parallel:
             name = f"{state.parameters['@node']}: another outcome"
             node = self._node(name, state.place, kind="runner", interface=TICK)
             scope.added.append(node)
-            self._leave((node, _DONE), scope, state, _UNNAMED)
+            self._leave((node, _DONE), scope, state, UNNAMED)
         else:
-            node = scope.undeclared = scope.undeclared or self._any_of(scope, over)
+            node = scope.undeclared = scope.undeclared or self._any_of(scope, state)
         self._connect([signal], node)
-        mark(self.graph, node, over)
+        self._mark(node, state, state.open or Cause.UNDECLARED)
 
-    def _any_of(self, scope: _Scope, over: Approximation) -> str:
+    def _any_of(self, scope: _Scope, state: State) -> str:
         """Choices among all that an outcome without a transition can lead to; the first of them."""
         first, signals = "", list[Signal]()
         for target in dict.fromkeys(self._implicit(scope)):
             of = f"{scope.path or scope.state.name}: undeclared '{target}'"
             taken, other = self._choice(scope, of, scope.state.place, signals)
-            mark(self.graph, taken[0], over)
+            self._mark(taken[0], state, state.open or Cause.UNDECLARED)
             self._lead(taken, scope, target)
             first, signals = first or taken[0], [other]
         self._lead(other, scope, target)
@@ -385,81 +385,60 @@ class _Writer:
     def _join_all(self, scope: _Scope) -> None:
         """The joins of a concurrence, which are reset when it is entered."""
         state, names = scope.state, scope.path or scope.state.name
-        if state.open_end or not self._combinations(scope):
+        if state.open_end or not combinations(state):
             scope.joins.append(
                 self._node(f"{names}: all", state.place, kind="join", need=len(state.states))
             )
             return
         if state.early:
-            state.rules = _needed(state.rules)
+            state.rules = needed(state.rules)
             for number, (outcome, items) in enumerate(state.rules):
                 name = f"{names}: {outcome} ({number + 1})"
                 need = max(1, len(items))
                 scope.joins.append(self._node(name, state.place, kind="join", need=need))
-            for number in range(len(state.rules) if _in_conflict(state.rules) else 0):
+            for number in range(len(state.rules) if in_conflict(state.rules) else 0):
                 name = f"{names}: first is ({number + 1})"
                 scope.firsts.append(self._node(name, state.place, kind="join", need=2))
             return
-        for combination in self._combinations(scope):
+        for combination in combinations(state):
             name = f"{names}: {', '.join(combination)}"
             need = len(state.states)
             scope.joins.append(self._node(name, state.place, kind="join", need=need))
 
-    def _combinations(self, scope: _Scope) -> list[tuple[str, ...]]:
-        """The combinations of outcomes, in the order of the states; none if they are too many.
-
-        Outcomes of which no rule speaks count as one.
-        """
-        state = scope.state
-        named: list[list[str]] = []
-        size = 1
-        for each in state.states:
-            spoken = [items[each.name] for _, items in state.rules if each.name in items]
-            declared = list(dict.fromkeys((*each.outcomes, *each.transitions)))
-            rows = list(dict.fromkeys(spoken))
-            if each.open or not declared or any(outcome not in rows for outcome in declared):
-                rows.append(_UNNAMED)
-            if _may_raise(each):
-                rows.append(_RAISED)
-            named.append(rows)
-            size *= len(rows)
-        return list(product(*named)) if 0 < size <= MOST_COMBINATIONS else []
-
     def _concurrence(self, scope: _Scope) -> None:
-        state, outer = scope.state, scope.outer
-        combinations = self._combinations(scope)
-        if state.open_end or not combinations:
+        state = scope.state
+        rows = combinations(state)
+        if state.open_end or not rows:
             self._undecided(scope)
         elif state.early:
             self._early(scope)
         else:
-            spoken = [{*rows} - {_UNNAMED} for rows in zip(*combinations, strict=True)]
-            for join, combination in zip(scope.joins, combinations, strict=True):
+            spoken = [{*column} - {UNNAMED} for column in zip(*rows, strict=True)]
+            for join, combination in zip(scope.joins, rows, strict=True):
                 inputs = [
                     [
                         signal
                         for name, signal in scope.ends.get(each.name, [])
-                        if name == outcome or (outcome == _UNNAMED and name not in names)
+                        if name == outcome or (outcome == UNNAMED and name not in names)
                     ]
                     for each, outcome, names in zip(state.states, combination, spoken, strict=True)
                 ]
                 if all(inputs):  # else this never happens, and nothing follows it
                     for signals in inputs:
                         self._connect(signals, join)
-                    result = self._result(scope, combination)
-                    self._end(scope, outer, (join, Event.SUCCEEDED), result)
+                    self._ended(scope, join, combination)
 
-    def _result(self, scope: _Scope, combination: tuple[str, ...]) -> str:
-        state = scope.state
-        here = {each.name: outcome for each, outcome in zip(state.states, combination, strict=True)}
-        held = [
-            outcome
-            for outcome, items in state.rules
-            if all(here[name] == wanted for name, wanted in items.items())
-        ]
-        if _RAISED in combination or (state.exclusive and len({*held}) > 1):
-            return _RAISED
-        return held[0] if held else state.default
+    def _ended(self, scope: _Scope, join: str, combination: tuple[str, ...]) -> None:
+        """A concurrence ends with the outcome of a combination, as any version of its engine."""
+        signal = (join, _DONE)
+        result, *others = results(scope.state, combination)
+        for other in others:
+            of = f"{scope.path or scope.state.name}: {', '.join(combination)}: {other}"
+            tick = self._tick(scope, f"{of} or not", [signal])
+            taken, signal = self._choice(scope.outer, of, scope.state.place, [(tick, _DONE)])
+            self._mark(taken[0], scope.state, Cause.VERSION)
+            self._end(scope, scope.outer, taken, other)
+        self._end(scope, scope.outer, signal, result)
 
     def _early(self, scope: _Scope) -> None:
         """Each rule has a join, and ends the concurrence as soon as it holds.
@@ -507,7 +486,7 @@ class _Writer:
         if state.open_end:
             inside = list(self._runners(scope))
             early, _ = self._choice(None, f"{path}: this ends all others", state.place, ends)
-            mark(self.graph, early[0], state.over(Cause.CODE))
+            self._mark(early[0], state, Cause.CODE)
             for node in (*inside, last[0]):
                 self._connect([early], node, "stop")
             self._connect([last], early[0], "stop")
@@ -517,8 +496,8 @@ class _Writer:
             self._connect(signals, join, "stop")
         outcomes = list(state.outcomes)
         cause = Cause.CODE if state.open_end else Cause.COMBINATIONS
-        if _may_raise(state):
-            outcomes.append(_RAISED)
+        if may_raise(state):
+            outcomes.append(RAISED)
         for number, outcome in enumerate(outcomes):
             if number == len(outcomes) - 1:
                 for signal in signals:
@@ -526,7 +505,7 @@ class _Writer:
                 return
             of = f"{path}: {outcome}"
             taken, other = self._choice(scope.outer, of, state.place, signals)
-            mark(self.graph, taken[0], state.over(cause))
+            self._mark(taken[0], state, cause)
             self._end(scope, scope.outer, taken, outcome)
             signals = [other]
 
@@ -548,7 +527,7 @@ class _Writer:
             signal = (self._tick(scope, name, [signal]), _DONE)
         for join in (*scope.joins, *scope.firsts):  # the others wait for nobody any more
             self._connect([signal], join, "stop")
-        if outcome == _RAISED:
+        if outcome == RAISED:
             self._raise(signal, scope)
         elif outer is None:
             self._connect([signal], "give_up" if is_failure(outcome) else "complete")
@@ -566,35 +545,3 @@ class _Writer:
                     pending.append(inside.inner[each.name])
                 else:
                     yield each.parameters["@node"]
-
-
-def _may_raise(state: State) -> bool:
-    """True for what ends by an exception if rules of a concurrence in it are not clear."""
-    return state.exclusive or any(map(_may_raise, state.states))
-
-
-Rules = list[tuple[str, Mapping[str, str]]]
-
-
-def _needed(rules: Rules) -> Rules:
-    """The rules without those that hold only where an earlier one does.
-
-    >>> [outcome for outcome, _ in _needed([("a", {"X": "ok"}), ("b", {"X": "ok", "Y": "ok"})])]
-    ['a']
-    """
-    kept: Rules = []
-    for outcome, items in rules:
-        if not any(earlier.items() <= items.items() for _, earlier in kept):
-            kept.append((outcome, items))
-    return kept
-
-
-def _in_conflict(rules: Rules) -> bool:
-    """True if two rules with different outcomes can begin to hold by one end of one state."""
-    return any(
-        outcome != other
-        and items.items() & those.items()
-        and all(those.get(name, wanted) == wanted for name, wanted in items.items())
-        for number, (outcome, items) in enumerate(rules)
-        for other, those in rules[:number]
-    )

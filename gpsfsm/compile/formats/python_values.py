@@ -1,28 +1,29 @@
-"""Values in Python that is read and not executed: operators, functions, instances of states."""
+"""Values in Python that is read and not executed: names, operators, functions, methods, instances.
+
+A value that the source says is the value of Python itself, so aliases and what is done to them in
+place mean the same as in a run. All else is the name of something imported, or UNKNOWN.
+"""
 
 from __future__ import annotations
 
 import ast
+import operator
 import re
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from gpsfsm.compile.formats.outcomes import State
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 LONGEST: Final = 1_000
 _MOST: Final = 1_000_000
-_ACTION = ("succeeded", "aborted", "preempted")
-LIBRARY: Final[Mapping[str, tuple[str, ...]]] = {
-    "SimpleActionState": _ACTION,
-    "ServiceState": ("succeeded", "aborted", "preempted"),
-    "MonitorState": ("valid", "invalid", "preempted"),
-}
-"""The outcomes of states of the library, where the source names none."""
+_WIDE: Final = re.compile(r"\d{4}|\*|:[^}]*\{")
+"""Widths in formats, which could fill the memory."""
+
+
+class FailsError(Exception):
+    """An operation that raises an exception in a run, too."""
 
 
 class _Unknown:
@@ -32,13 +33,75 @@ class _Unknown:
 UNKNOWN: Final = _Unknown()
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
+class Library:
+    """A name that is imported or built in; what a call of it returns ends in ``()``."""
+
+    name: str
+
+
+class Scope:
+    """The names of a module, a function or a class, and the scope around it."""
+
+    def __init__(self, outer: Scope | None = None, owner: Class | None = None) -> None:
+        self.names: dict[str, Any] = {}
+        self.outer, self.owner = outer, owner
+        self.elsewhere: dict[str, Scope] = {}  # of global and nonlocal
+        self.body: Scope | None = None  # of a class: the scope that its methods see
+
+    def get(self, name: str) -> Any:
+        """The value of a name in a tuple of one; None where there is no such name."""
+        scope: Scope | None = self
+        while scope is not None and name not in scope.names:
+            scope = scope.elsewhere.get(name, scope.outer)
+        return None if scope is None else (scope.names[name],)
+
+
+@dataclass(slots=True, eq=False)
+class Function:
+    """A function of the file; ``defaults`` are evaluated once, where it is defined."""
+
+    node: ast.FunctionDef | ast.Lambda
+    scope: Scope
+    defaults: dict[str, Any] = field(default_factory=dict)
+    owner: Class | None = None
+    static: bool = False
+
+
+@dataclass(slots=True, eq=False)
+class Class:
+    """A class of the file."""
+
+    name: str
+    bases: list[Any]
+    names: dict[str, Any]
+
+    def line(self) -> Iterator[Any]:
+        """The class and those it inherits from, in the order in which names are looked up."""
+        yield self
+        for base in self.bases:
+            yield from base.line() if isinstance(base, Class) else (base,)
+
+    def get(self, name: str, *, inherited: bool = False) -> Any:
+        """The value of a name of the class; None where there is none, UNKNOWN if nobody knows."""
+        for each in list(self.line())[inherited:]:
+            if not isinstance(each, Class):
+                return Library(f"{each.name}.{name}") if isinstance(each, Library) else UNKNOWN
+            if name in each.names:
+                return each.names[name]
+        return None
+
+
+@dataclass(slots=True, eq=False)
 class Instance:
-    """A state of a class: its name, and its outcomes as far as the source says them."""
+    """An object. As a state it has ``outcomes``, and perhaps others if it is ``open``."""
 
     kind: str
+    of: Class | None = None
     outcomes: tuple[str, ...] = ()
+    open: bool = True
     parameters: dict[str, Any] = field(default_factory=dict)
+    attributes: dict[str, Any] = field(default_factory=dict)
 
 
 _PRINT = re.compile(r"^([ \t]*)print\b(?!\s*\().*$", re.M)
@@ -61,15 +124,12 @@ def parsed(text: str) -> ast.Module | tuple[str, int, int]:
     return wrong
 
 
-def text_row(value: Any) -> tuple[str, ...]:
-    """The texts in a list; nothing for what is none."""
-    rows = value if isinstance(value, list | tuple) else ()
-    return tuple(each for each in rows if isinstance(each, str))
+@dataclass(frozen=True, slots=True, eq=False)
+class Bound:
+    """A method of an object: a function of the file, or a name."""
 
-
-def row_list(value: Any) -> bool:
-    """True for a list."""
-    return isinstance(value, list)
+    function: Any
+    owner: Any
 
 
 def dotted(node: ast.AST) -> str:
@@ -78,160 +138,146 @@ def dotted(node: ast.AST) -> str:
     while isinstance(node, ast.Attribute):
         parts.append(node.attr)
         node = node.value
-    if isinstance(node, ast.Call) and dotted(node.func) == "super":
-        parts.append("super")
-    elif isinstance(node, ast.Name):
-        parts.append(node.id)
-    else:
-        return ""
-    return ".".join(reversed(parts))
+    return ".".join((node.id, *reversed(parts))) if isinstance(node, ast.Name) else ""
+
+
+def plain(value: Any, depth: int = 9) -> bool:
+    """True for texts, numbers, Booleans, None, and rows and dictionaries of them."""
+    if isinstance(value, list | tuple | dict):
+        rows = value.values() if isinstance(value, dict) else value
+        return depth > 0 and all(plain(each, depth - 1) for each in rows)
+    return value is None or isinstance(value, str | int | float | range)
+
+
+def truth(value: Any) -> Any:
+    """True or False as ``if`` takes a value; UNKNOWN where the source does not say it."""
+    return bool(value) if value is None or isinstance(value, (*_ROWS, int, float)) else UNKNOWN
+
+
+def _short(value: Any) -> Any:
+    """A value, unless it is longer than a name or a row of states can be."""
+    big = isinstance(value, int | float) and abs(value) > _MOST
+    return UNKNOWN if big or (isinstance(value, _ROWS) and len(value) > 10 * LONGEST) else value
 
 
 def joined_text(parts: Sequence[Any]) -> Any:
     """One text of texts and numbers, unless it is longer than a name can be."""
-    if not all(isinstance(each, str | int | float) for each in parts):
+    if not all(each is None or isinstance(each, str | int | float) for each in parts):
         return UNKNOWN
-    if sum(len(each) for each in parts if isinstance(each, str)) > LONGEST:
+    length = sum(len(each) for each in parts if isinstance(each, str))
+    return "".join(map(str, parts)) if length <= LONGEST else UNKNOWN
+
+
+_OPERATORS: Final[Mapping[type[ast.AST], str]] = {
+    **{ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Mod: "mod"},
+    **{ast.FloorDiv: "floordiv", ast.BitOr: "or_"},
+}
+_COMPARISONS: Final[Mapping[type[ast.AST], Callable[[Any, Any], Any]]] = {
+    **{ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le},
+    **{ast.Gt: operator.gt, ast.GtE: operator.ge},
+    **{ast.Is: operator.is_, ast.IsNot: operator.is_not},
+    **{ast.In: lambda one, row: one in row, ast.NotIn: lambda one, row: one not in row},
+}
+
+
+def operated(kind: ast.operator, left: Any, right: Any, *, in_place: bool = False) -> Any:
+    """The result of an operator. Raises FailsError where it raises in Python."""
+    name = _OPERATORS.get(type(kind))
+    rows = type(left) is type(right) and isinstance(left, list | tuple | dict)
+    if name is None or not (rows or (plain(left) and plain(right))):
         return UNKNOWN
-    return "".join(map(str, parts))
-
-
-def operated(operator: ast.operator, left: Any, right: Any) -> Any:
-    """A result of an operator; unknown for all but whole numbers, texts and lists."""
-    if isinstance(left, int) and isinstance(right, int):
-        return _counted(operator, left, right)
-    rows = isinstance(left, list) and isinstance(right, list)
-    if isinstance(operator, ast.Add) and (
-        rows or (isinstance(left, str) and isinstance(right, str))
-    ):
-        result = left + right
-        return result if len(result) <= LONGEST else UNKNOWN
-    if isinstance(operator, ast.Mod) and isinstance(left, str) and right is not UNKNOWN:
-        values = right if isinstance(right, list) else [right]
-        plain = all(isinstance(each, str | int | float) for each in values)
-        if len(left) > LONGEST or re.search(r"\d{4}|\*", left) or not plain:
-            return UNKNOWN  # a width could fill the memory
-        try:
-            return left % (tuple(right) if isinstance(right, list) else right)
-        except (TypeError, ValueError, KeyError):
-            return UNKNOWN
-    return UNKNOWN
-
-
-def compared(operator: ast.cmpop, left: Any, right: Any) -> Any:
-    """The result of a comparison of numbers or texts; unknown for all others."""
-    numbers = isinstance(left, int | float) and isinstance(right, int | float)
-    if not numbers and not (isinstance(left, str) and isinstance(right, str)):
+    if name == "mod" and isinstance(left, str) and (len(left) > LONGEST or _WIDE.search(left)):
         return UNKNOWN
-    if isinstance(operator, ast.Eq | ast.NotEq):
-        return (left == right) is isinstance(operator, ast.Eq)
-    if isinstance(operator, ast.Lt | ast.GtE):
-        return (left < right) is isinstance(operator, ast.Lt)
-    if isinstance(operator, ast.Gt | ast.LtE):
-        return (left > right) is isinstance(operator, ast.Gt)
-    return UNKNOWN
-
-
-def _counted(operator: ast.operator, left: int, right: int) -> Any:
-    if max(abs(left), abs(right)) > _MOST:
+    if name == "mul" and not (isinstance(left, int | float) and isinstance(right, int | float)):
         return UNKNOWN
-    if isinstance(operator, ast.Add | ast.Sub):
-        return left + right if isinstance(operator, ast.Add) else left - right
-    if isinstance(operator, ast.Mult):
-        return left * right
-    if isinstance(operator, ast.Mod | ast.FloorDiv) and right:
-        return left % right if isinstance(operator, ast.Mod) else left // right
-    return UNKNOWN
+    function = getattr(operator, "i" + name.strip("_") if in_place else name)
+    try:
+        return _short(function(left, right))
+    except (TypeError, ValueError, KeyError, ArithmeticError) as error:
+        raise FailsError from error
 
 
-def called(
-    last: str, name: str, owner: Any, arguments: list[Any], keywords: Mapping[str, Any]
-) -> Any:
-    """A few functions and methods of Python, with arguments that are known; else a state."""
-    written = all(each is not UNKNOWN for each in arguments)
-    if name == "str" and written and len(arguments) == 1 and isinstance(arguments[0], str | int):
-        return str(arguments[0])
-    if name == "len" and written and arguments and isinstance(arguments[0], list | dict | str):
-        return len(arguments[0])
-    if name == "range" and written and all(isinstance(each, int) for each in arguments):
-        return list(range(*arguments)) if _small(arguments) else UNKNOWN
-    if name == "enumerate" and written and arguments and isinstance(arguments[0], list):
-        return [[number, each] for number, each in enumerate(arguments[0])]
-    if isinstance(owner, list) and last == "append" and len(owner) < LONGEST:
-        owner.extend(arguments)
-        return None
-    if isinstance(owner, dict) and last in ("keys", "items", "values", "iteritems"):
-        rows: Iterable[Any] = owner.items() if "items" in last else owner
-        return [list(each) if isinstance(each, tuple) else each for each in rows]
-    if name in ("dict", "list", "tuple") and not arguments:
-        return dict(keywords) if name == "dict" else []
-    outcomes = text_row(keywords.get("outcomes"))
-    if last[:1].isupper() or last == "use_behavior":
-        shown = {key: each for key, each in keywords.items() if isinstance(each, str | int | float)}
-        shown.pop("outcomes", None)
-        return Instance(name.removeprefix("self."), outcomes or LIBRARY.get(last, ()), shown)
-    return UNKNOWN
+def compared(kind: ast.cmpop, left: Any, right: Any) -> Any:
+    """The result of a comparison; UNKNOWN for all but plain values."""
+    right = list(right) if isinstance(right, dict) else right
+    identity = isinstance(kind, ast.Is | ast.IsNot)
+    if not (plain(left) and plain(right)) or (identity and not (left is None or right is None)):
+        return UNKNOWN  # identity of others depends on what the interpreter shares
+    try:
+        return _COMPARISONS[type(kind)](left, right)
+    except TypeError as error:
+        raise FailsError from error
 
 
-def _small(arguments: list[Any]) -> bool:
-    return (
-        1 <= len(arguments) <= 3
-        and all(abs(each) <= 10_000 for each in arguments)
-        and (len(arguments) < 3 or arguments[2] != 0)
-    )
-
-
-_CONCURRENCE = (
-    *("outcomes", "default_outcome", "input_keys", "output_keys"),
-    *("outcome_map", "outcome_cb", "child_termination_cb"),
+_ROWS: Final[tuple[type[Any], ...]] = (list, tuple, dict, str, range)
+_NONE: Final[dict[str, str]] = {}
+_ITERATORS: Final[tuple[type[Any], ...]] = (enumerate, zip, reversed, type(iter(list(_NONE))))
+_VIEWS: Final[tuple[type[Any], ...]] = tuple(
+    type(each) for each in (_NONE.keys(), _NONE.values(), _NONE.items())
+)
+_FUNCTIONS: Final[Mapping[str, Callable[..., Any]]] = {
+    each.__name__: each
+    for each in (len, list, tuple, dict, enumerate, zip, reversed, str, int, sorted, range)
+}
+CHANGING: Final = frozenset(
+    {"append", "extend", "insert", "pop", "remove", "reverse", "clear", "sort", "update"}
+    | {"setdefault", "popitem", "add", "discard", "appendleft", "popleft"}
+)
+"""Methods that change what they belong to."""
+_STRUCTURE: Final = frozenset({"append", "extend", "reverse", "clear", "copy", "keys", "values"})
+_METHODS: Final = frozenset(
+    {"get", "pop", "setdefault", "update", "insert", "remove", "index", "sort", "items"}
+    | {"format", "join", "upper", "lower", "title", "strip", "split", "startswith", "endswith"}
 )
 
 
-def described(
-    made: State, kind: str, arguments: Sequence[Any], keywords: Mapping[str, Any]
-) -> Iterator[str]:
-    """The outcomes of a container, and how a concurrence ends; what of it is not written."""
-    if kind == "Concurrence":
-        keywords = {**dict(zip(_CONCURRENCE, arguments, strict=False)), **keywords}
-    if kind == "ConcurrencyContainer" and arguments:
-        keywords, arguments = {"conditions": arguments[0], **keywords}, arguments[1:]
-    outcomes = keywords.get("outcomes", arguments[0] if arguments else [])
-    made.outcomes = text_row(outcomes)
-    if not isinstance(outcomes, list) or len(made.outcomes) < len(outcomes):
-        yield "the outcomes of this container are not written in the source"
-    if kind == "Sequence":
-        connector = keywords.get("connector_outcome", arguments[1] if len(arguments) > 1 else "")
-        made.default = connector if isinstance(connector, str) else ""
-        if not made.default:
-            yield "the outcome that connects this sequence is not written in the source"
-    if kind == "Concurrence":
-        default, rules = keywords.get("default_outcome", ""), keywords.get("outcome_map", {})
-        made.default = default if isinstance(default, str) else ""
-        literal = isinstance(rules, dict) and all(
-            isinstance(each, dict) and len(text_row(list(each.values()))) == len(each)
-            for each in rules.values()
-        )
-        # Of several rules that hold SMACH takes the last one, State.rules the first one.
-        made.rules = [(str(key), rules[key]) for key in reversed(rules)] if literal else []
-        made.open_end = (
-            not literal
-            or not isinstance(default, str)
-            or any(keywords.get(each) is not None for each in _CONCURRENCE[-2:])
-        )
-    if kind == "ConcurrencyContainer":
-        rows = keywords.get("conditions", [])
-        for row in rows if isinstance(rows, list) else [None]:
-            if not (
-                isinstance(row, list)
-                and len(row) == 2
-                and isinstance(row[0], str)
-                and isinstance(row[1], list)
-                and all(len(each) == len(text_row(each)) == 2 for each in row[1] if row_list(each))
-                and all(map(row_list, row[1]))
-            ):
-                yield "the conditions of this container are not written in the source"
-                return
-            made.rules.append((row[0], dict(row[1])))
+def used_up(value: Any) -> bool:
+    """True for a row that a loop uses up."""
+    return isinstance(value, _ITERATORS)
+
+
+def row(value: Any) -> bool:
+    """True for what a loop can go through in an order that is certain."""
+    return isinstance(value, _ROWS + _ITERATORS + _VIEWS)
+
+
+def function_result(name: str, arguments: Sequence[Any], keywords: Mapping[str, Any]) -> Any:
+    """The result of a built-in function. Raises FailsError where it raises in Python."""
+    function = _FUNCTIONS.get(name)
+    deep = name in ("str", "int", "sorted", "range")
+    if function is None or (keywords and name != "dict"):
+        return UNKNOWN
+    if not all(plain(each) if deep else row(each) for each in arguments):
+        return UNKNOWN
+    if name in ("str", "int") and not isinstance((*arguments, "")[0], str | int | float):
+        return UNKNOWN
+    try:
+        return _short(function(*arguments, **keywords))
+    except (TypeError, ValueError, ArithmeticError, RuntimeError) as error:
+        raise FailsError from error
+
+
+def method_result(owner: Any, name: str, arguments: list[Any], keywords: dict[str, Any]) -> Any:
+    """The result of a method of a text, a list or a dictionary in a tuple; None if not followed.
+
+    Raises FailsError where the method raises in Python.
+    """
+    deep = name not in _STRUCTURE and name not in ("items", "get", "pop", "setdefault", "insert")
+    keys = arguments[:1] if not deep and name not in _STRUCTURE else arguments if deep else []
+    if name not in _STRUCTURE | _METHODS or not all(map(plain, keys)):
+        return None
+    if (keywords and name not in ("update", "format")) or not plain(keywords):
+        return None
+    if deep and not plain(owner) and name != "update":
+        return None
+    if name == "extend" and not all(map(row, arguments)):
+        return None
+    if len(owner) > LONGEST or (isinstance(owner, str) and _WIDE.search(owner)):
+        return None
+    try:
+        return (_short(getattr(owner, name)(*arguments, **keywords)),)
+    except (TypeError, ValueError, LookupError, AttributeError, RuntimeError) as error:
+        raise FailsError from error
 
 
 def imports(text: str, word: str) -> bool:

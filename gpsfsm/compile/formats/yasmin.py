@@ -14,8 +14,9 @@ from xml.sax.saxutils import quoteattr
 from gpsfsm.compile.formats import Format
 from gpsfsm.compile.formats.elements import Elements, at, place_of
 from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
-from gpsfsm.compile.formats.outcomes import State, machine_from
+from gpsfsm.compile.formats.outcomes import machine_from
 from gpsfsm.compile.formats.scxml_writing import OWN_NAMESPACE
+from gpsfsm.compile.formats.states import State
 from gpsfsm.compile.machines import Place, written
 from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip

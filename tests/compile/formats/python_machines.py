@@ -51,9 +51,15 @@ def random_part(random: Random, name: str, tool: str, depth: int) -> Part:
         each.transitions = {outcome: random.choice(targets) for outcome in each.outcomes}
     if kind != "seq":
         made.default = outcomes[-1]
+        one = random.choice(made.parts)
+        ends = random.sample(one.outcomes, len(one.outcomes))
         for result in outcomes if tool == "smach" else [*outcomes, outcomes[0]]:
             chosen = random.sample(made.parts, random.choice((1, 2)))
             rule = {each.name: random.choice(each.outcomes) for each in chosen}
+            if tool == "smach" and ends:  # versions differ where two rules can hold
+                rule[one.name] = ends.pop()
+            elif tool == "smach":
+                continue
             made.rules.append((result, rule))
     return made
 
@@ -63,7 +69,10 @@ def random_part(random: Random, name: str, tool: str, depth: int) -> Part:
 
 def source(top: Part, tool: str) -> str:
     """The Python that builds a machine."""
+    base = "smach.State" if tool == "smach" else "EventState"
     lines = ["import smach" if tool == "smach" else "from flexbe_core import *"]
+    lines.append(f"class Act({base}):\n    def __init__(self, outcomes):")
+    lines.append(f"        {base}.__init__(self, outcomes=outcomes)")
     _build(top, tool, lines)
     lines.append(f"{top.name}.execute()")
     return "\n".join(lines) + "\n"

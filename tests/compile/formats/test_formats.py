@@ -10,7 +10,8 @@ import pytest
 
 import gpsfsm
 from gpsfsm.compile.formats import formats
-from gpsfsm.compile.formats.outcomes import State, is_failure, machine_from
+from gpsfsm.compile.formats.outcomes import is_failure, machine_from
+from gpsfsm.compile.formats.states import State
 from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, SUCCEEDED, Instants
 from gpsfsm.compile.machines import Place
 from gpsfsm.compile.plan_text import read_plan_or_machine

@@ -198,7 +198,8 @@ def test_python_does_not_speak_of_escapes_in_what_is_read() -> None:
 
 
 def test_conditions_of_flexbe_that_are_not_written_are_refused() -> None:
-    text = "import flexbe_core\nc = ConcurrencyContainer(outcomes=['a'], conditions=[f()])\n"
+    text = "from flexbe_core import *\nc = ConcurrencyContainer(outcomes=['a'], conditions=[f()])\n"
+    text += "with c: OperatableStateMachine.add('A', S(), {'x': 'a'})\n"
     assert refused(text, FLEXBE) == [
         (2, "the conditions of this container are not written in the source")
     ]
@@ -310,6 +311,7 @@ PLANTED = Path(__file__).parents[3] / "corpus" / "machines"
         (
             "flexbe/delivery_sm.py",
             [
+                ("GP119", 11),
                 ("GP210", 41),
                 ("GP301", 54),  # handing over: never reached
                 ("GP302", 20),  # no condition speaks of a drive that fails
@@ -331,7 +333,7 @@ def test_planted_mistakes_are_reported_at_their_lines(
 
 def test_what_ends_a_concurrence_stops_its_choices_too() -> None:
     plan = read(
-        "import flexbe_core\n"
+        "from flexbe_core import *\n"
         "c = ConcurrencyContainer(outcomes=['end'], conditions=[('end', [('A', 'done')])])\n"
         "with c:\n"
         "    OperatableStateMachine.add('A', Act(), transitions={'done': 'end'})\n"
