@@ -505,6 +505,24 @@ MISMATCHED_NAMES = Rule(
 )
 
 
+UNBOUND_LEAF = Rule(
+    code="GP214",
+    name="unbound-leaf",
+    severity=Severity.WARNING,
+    summary="Nobody knows what a leaf of a behaviour tree does on the robot.",
+    why=(
+        "A robot profile says what a robot has and what it may do. A leaf of a behaviour tree is a "
+        "name: unless the profile binds it to a runner, the leaf may drive anywhere and start any "
+        "program. A gate does not decide such a tree."
+    ),
+    fix=(
+        "bind the leaf in 'leaves' of the robot's profile, or write the full name of a runner, such "
+        'as <Action ID="nav2_capabilities/WaypointRunner"/>'
+    ),
+    bad="",
+    good=plan(go(2.0, -0.5)),
+)
+
 RULES = (
     UNKNOWN_INTERFACE,
     UNKNOWN_PROVIDER,
@@ -514,4 +532,5 @@ RULES = (
     UNPERMITTED_RUNNER,
     DEFECTIVE_CAPABILITY_FILE,
     MISMATCHED_NAMES,
+    UNBOUND_LEAF,
 )

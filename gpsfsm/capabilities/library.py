@@ -368,8 +368,8 @@ def _filled(
     filling: Filling, leaf: Leaf, runner: Element, provider: Provider, library: Library
 ) -> Value:
     """The value of a parameter. Raises ValueError that says what is wrong and what to do."""
-    source = runner.text(filling.port) if filling.port else filling.text
-    part = None if source is None else _part(source, filling, leaf, library)
+    source = written_for(filling, runner)
+    part = None if source is None else part_of(source, filling, leaf, library)
     if part is None and filling.port:
         part = filling.text
     if part is None and source is None:
@@ -379,7 +379,7 @@ def _filled(
         raise ValueError(f"{where} has other parts than those from which {filling.parameter} comes")
     parameter = provider.parameter(filling.parameter)
     assert parameter is not None, "the profile was compared with the library"
-    value = _of_type(part, parameter, filling)
+    value = of_type(part, parameter, filling)
     if isinstance(value, int | float) and not isinstance(value, bool):
         low, high = parameter.minimum, parameter.maximum
         if (low is not None and value < low) or (high is not None and value > high):
@@ -389,8 +389,16 @@ def _filled(
     return value
 
 
-def _part(text: str, filling: Filling, leaf: Leaf, library: Library) -> str | None:
-    """The part of a text that is meant; None if it has no such part."""
+def written_for(filling: Filling, runner: Element) -> str | None:
+    """The text from which a parameter of a leaf comes; None if its port is not written."""
+    return runner.text(filling.port) if filling.port else filling.text
+
+
+def part_of(text: str, filling: Filling, leaf: Leaf, library: Library) -> str | None:
+    """The part of a text that is meant; None if it has no such part.
+
+    Raises ValueError for a key of the blackboard whose value is unknown.
+    """
     from gpsfsm.model.tree import is_reference  # which only trees need
 
     if is_reference(text):
@@ -410,7 +418,7 @@ def _part(text: str, filling: Filling, leaf: Leaf, library: Library) -> str | No
     return parts[place - 1].strip() if 0 < place <= len(parts) else None
 
 
-def _of_type(text: str, parameter: Parameter, filling: Filling) -> Value:
+def of_type(text: str, parameter: Parameter, filling: Filling) -> Value:
     """A text as a value of the type of a parameter. Raises ValueError."""
     kind = parameter.type
     if kind in (ValueType.DOUBLE, ValueType.INT):

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.machines.runners import StandIn
     from gpsfsm.checking.engine_check import EngineFindings
     from gpsfsm.checking.inputs import Input
     from gpsfsm.compile import Compiled
@@ -264,7 +265,12 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     from gpsfsm.compile import MachinePlan, compile_plan
 
     options, capabilities = check.analysis, check.described
-    bindings = bind(plan, capabilities.library)
+    leaves: Sequence[StandIn] = ()
+    if plan.vocabulary is Vocabulary.TREE:
+        from gpsfsm.analysis.machines.runners import leaf_findings, stand_ins
+
+        leaves = stand_ins(plan, progress.forest, capabilities)
+    bindings = tuple(each.acting for each in leaves) or bind(plan, capabilities.library)
     try:
         with span("gpsfsm.compile"):
             start_chain = "no-start" in options.faults
@@ -279,6 +285,8 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
         )
         for text in constraints.unmatched
     ]
+    if leaves:
+        progress.findings += leaf_findings(compiled, leaves, capabilities, options)
     if isinstance(plan, MachinePlan):
         coarser = _decide_machine(compiled, constraints, check, progress)
         if coarser is not None:

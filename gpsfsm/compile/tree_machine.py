@@ -43,7 +43,7 @@ from gpsfsm.compile.tree_reactive import other
 from gpsfsm.compile.tree_ties import question
 from gpsfsm.compile.trees import EMPTY_SCOPE, leaf_attributes, scope_of
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Builtin, Meaning
+from gpsfsm.model.tree import NAV2_CONDITIONS, Builtin, Meaning, builtin_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -188,7 +188,7 @@ class Compiler(Parts):
     def node(self, node: TreeNode, visit: Visit) -> Steps:
         """A node without its conditions."""
         name = node.identity
-        builtin = self.builtin(node, name)
+        builtin = builtin_of(name, len(node.children))
         if not name:
             raise BlockedError
         if builtin is not None:
@@ -202,15 +202,6 @@ class Compiler(Parts):
                 raise BlockedError  # it can have none
             return (yield from other(self, node, visit))
         return self.leaf(node, visit)
-
-    def builtin(self, node: TreeNode, name: str) -> Builtin | None:
-        """The meaning of a name that a library has, if the node can be meant."""
-        if name in BUILTINS:
-            return BUILTINS[name]
-        count = len(node.children)
-        own = NAV2.get(name)
-        fits = own is not None and own.least <= count and (own.most < 0 or count <= own.most)
-        return own if fits else None
 
     def tree_of(self, node: TreeNode, name: str) -> int:
         """The tree that a node stands for by its tag, -1 if it stands for none."""
@@ -271,7 +262,7 @@ class Compiler(Parts):
         while True:
             if any(each.name in (*_CONDITIONS, _WHILE) for each in node.attributes):
                 return None
-            builtin = self.builtin(node, node.identity)
+            builtin = builtin_of(node.identity, len(node.children))
             meaning = None if builtin is None else builtin.meaning
             if meaning in (Meaning.SUCCEED, Meaning.FAIL):
                 answer = meaning is Meaning.SUCCEED if forced is None else forced
@@ -294,7 +285,7 @@ class Compiler(Parts):
             if node.index in seen:
                 continue
             seen.add(node.index)
-            builtin = self.builtin(node, node.identity)
+            builtin = builtin_of(node.identity, len(node.children))
             if builtin is not None and builtin.meaning is Meaning.MAYBE:
                 return True
             tree = self.tree_of(node, node.identity)
@@ -310,7 +301,7 @@ class Compiler(Parts):
             node = self.forest.nodes[pending.pop()]
             seen += 1
             name = node.identity
-            builtin = self.builtin(node, name)
+            builtin = builtin_of(name, len(node.children))
             if seen > 1_000 or any(each.name.startswith("_") for each in node.attributes):
                 return False
             if builtin is None:

@@ -16,7 +16,7 @@ from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
-from gpsfsm.analysis.rules import rule
+from gpsfsm.analysis.rules import OPEN_IN_GATES, rule
 from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.capabilities.table import dump
 from gpsfsm.checking import CheckOptions, check_text, unreadable
@@ -283,7 +283,8 @@ def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdi
         against = tuple(each for each in counted if each.rule == _EMPTY_PLAN)
     if reason is Reason.INCONCLUSIVE:
         against = against or counted
-        message = against[0].message if against else message
+        opening = [each for each in against if _leaves_open(each)] or against
+        message = opening[0].message if opening else message
     refusing = {id(each) for each in against}
     shown = tuple(
         replace(each, severity=Severity.ERROR) if id(each) in refusing else each for each in counted
@@ -303,20 +304,30 @@ def reason_of(report: PlanReport, options: GateOptions) -> tuple[Reason, str]:
 
 
 def _against(counted: tuple[Finding, ...], options: GateOptions) -> tuple[Finding, ...]:
-    """The findings that refuse a plan: as bad as ``fail_on``, or a broken budget of failures.
+    """The findings that refuse a plan: as bad as ``fail_on``, a broken budget, or left open.
 
     Who says how many failures must be tolerated has asked for just that.
     """
     return tuple(
         each
         for each in counted
-        if each.severity.rank >= options.fail_on.rank or _breaks_budget(each, options)
+        if each.severity.rank >= options.fail_on.rank
+        or _breaks_budget(each, options)
+        or _leaves_open(each)
     )
 
 
 def _breaks_budget(finding: Finding, options: GateOptions) -> bool:
     budget = options.check.analysis.tolerate > 0
     return budget and finding.rule == _BUDGET and finding.severity is Severity.WARNING
+
+
+def _leaves_open(finding: Finding) -> bool:
+    """True if what runners do is open, so that nobody can decide: a defect of another's file."""
+    defective = finding.rule == "GP211"  # a warning where no runner of the plan is concerned
+    return finding.rule in OPEN_IN_GATES and not (
+        defective and finding.severity is not Severity.ERROR
+    )
 
 
 def _reason(
@@ -326,6 +337,8 @@ def _reason(
     what = "machine" if report.machine else "plan"
     if report.verdict is CheckVerdict.UNDECIDED:
         return Reason.INCONCLUSIVE, f"the {what} is undecided"
+    if any(map(_leaves_open, (*report.findings, *report.suppressed))):
+        return Reason.INCONCLUSIVE, f"nobody knows what the {what} does on the robot"
     if against and all(each.severity.rank < options.fail_on.rank for each in against):
         tolerated = options.check.analysis.tolerate
         failures = "1 failure ends" if tolerated == 1 else f"{tolerated} failures or fewer end"
@@ -364,7 +377,9 @@ def _counted(
     """
     counted, rest = list(report.findings), []
     for each in report.suppressed:
-        if each.excused and options.allow_suppressions:
+        if _leaves_open(each):
+            counted.append(replace(each, suppressed_by="", justification=""))
+        elif each.excused and options.allow_suppressions:
             # no option hides an error here, so it is the comment that does
             error = each.severity is Severity.ERROR
             rest.append(replace(each, suppressed_by=_COMMENT) if error else each)
