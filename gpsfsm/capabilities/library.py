@@ -282,10 +282,26 @@ class Library:
 
 
 @dataclass(frozen=True, slots=True)
+class FileDefect:
+    """Something that is wrong with a file: ``text`` is ``file:line:column: error: message``.
+
+    ``names``: what the file describes; bare names where it could not be read, as far as it seems to
+    have any, and none at all where that may be anything.
+    """
+
+    text: str
+    file: str = ""
+    names: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
 class Capabilities:
     """The library that a check uses.
 
-    - ``defects``: what is wrong with its files, each as ``file:line:column: message``.
+    - ``defects``: what is wrong with its files.
     - ``robot``: the robot that plans are for, if the library comes from a robot profile.
     - ``named_by``: the engine whose names the built-in library uses; "" for its own names.
     - ``allow``: the only programs, hosts and functions that plans may reach. None: not specified,
@@ -293,7 +309,7 @@ class Capabilities:
     """
 
     library: Library
-    defects: tuple[str, ...] = ()
+    defects: tuple[FileDefect, ...] = ()
     robot: Robot | None = None
     allow: tuple[tuple[Permission, str], ...] | None = None
     named_by: str = ""
@@ -518,6 +534,10 @@ def choose_capabilities(
     from gpsfsm.capabilities.load import load_directories
 
     loaded = load_directories(paths, base=base.library)
-    errors = tuple(defect.summary for defect in loaded.defects if defect.severity == "error")
+    errors = tuple(
+        FileDefect(defect.summary, defect.file, loaded.described.get(defect.file, ()))
+        for defect in loaded.defects
+        if defect.severity == "error"
+    )
     library = base.library.extended(loaded.library)
     return Capabilities(replace(library, complete=not builtin), errors)

@@ -438,7 +438,7 @@ def digests_of(text: str | bytes | None, options: GateOptions) -> Digests:
 @lru_cache(maxsize=8)
 def _of_capabilities(capabilities: Capabilities) -> str:
     """All that capability files and the profile of a robot say."""
-    parts = [dump(capabilities.library), *capabilities.defects]
+    parts = [dump(capabilities.library), *map(str, capabilities.defects)]
     if capabilities.robot is not None or capabilities.allow:
         described = replace(capabilities, library=EMPTY.library, defects=())
         parts.append(json.dumps(_plain(described), sort_keys=True))
