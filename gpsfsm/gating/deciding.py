@@ -72,18 +72,22 @@ _EXIT_CODES: Final = {
 class GateOptions:
     """The options of the gate.
 
-    - ``check``: how plans and machines are checked. Behaviour trees are refused unless it accepts
-      them.
+    - ``check``: how plans and machines are checked.
+    - ``allow_trees``: decide behaviour trees; they are refused otherwise, whatever ``check`` says.
     - ``fail_on``: the lowest severity of a finding that refuses a plan.
     - ``allow_suppressions``: comments in the plan may excuse findings. By default, the author of a
       plan cannot excuse anything.
     - ``allow_empty``: accept a plan that does nothing.
     """
 
-    check: CheckOptions = field(default_factory=lambda: CheckOptions(trees=False))
+    check: CheckOptions = field(default_factory=CheckOptions)
     fail_on: Severity = Severity.ERROR
     allow_suppressions: bool = False
     allow_empty: bool = False
+    allow_trees: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "check", replace(self.check, trees=self.allow_trees))
 
 
 @dataclass(frozen=True, slots=True)

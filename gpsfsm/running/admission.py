@@ -163,7 +163,7 @@ class Admission:
         if machine_in(heading, options.limits) is not None:
             refuse_for_machine(self._base)
         report = self.check(content, name, options)
-        reason, why = reason_of(report, GateOptions(options))
+        reason, why = reason_of(report, GateOptions(options, allow_trees=options.trees))
         if reason is not Reason.PASSED and not (self._force or self._silent):
             whole = "tree" if options.trees and holds_trees(as_text(content)) else "plan"
             refused = _refused(report, reason, why, whole)

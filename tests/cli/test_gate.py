@@ -317,7 +317,7 @@ def test_the_call_in_python_has_the_same_digests(
     (plan,) = receipt(capsys, "a.xml", "--fail-on", "warning", "--engine=fabric-v1", code=1)[
         "plans"
     ]
-    other = gpsfsm.gate("a.xml", budget_ms=None, fail_on="warning", engine="fabric-v1")
+    other = gpsfsm.gate(Path("a.xml"), budget_ms=None, fail_on="warning", engine="fabric-v1")
     assert plan["digests"] == asdict(other.digests)
 
 

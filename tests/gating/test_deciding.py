@@ -262,7 +262,7 @@ def test_an_empty_plan_passes_where_it_may() -> None:
 def test_behaviour_trees_are_no_plans_unless_they_may_be() -> None:
     tree = '<root BTCPP_format="4"><BehaviorTree ID="a"><Go/></BehaviorTree></root>'
     assert not gate_text(tree, "tree.xml").accepted
-    assert gate_text(tree, "tree.xml", GateOptions(check=CheckOptions())).accepted
+    assert gate_text(tree, "tree.xml", GateOptions(allow_trees=True)).accepted
 
 
 def test_options_that_make_no_sense_are_told() -> None:
