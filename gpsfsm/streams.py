@@ -15,7 +15,7 @@ import stat
 import sys
 from contextlib import contextmanager, suppress
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -324,27 +324,38 @@ def wants_color(choice: str, output_file: str = STDOUT) -> bool:
     return is_terminal(Stream.OUT) and os.environ.get("TERM") != "dumb"
 
 
-def write_text(text: str, output_file: str = STDOUT, *, form: Form = Form.TEXT) -> None:
+def write_text(
+    text: str, output_file: str = STDOUT, *, form: Form = Form.TEXT, private: bool = False
+) -> None:
     """Write a result to standard output, or to a file, whole or not at all.
 
-    UTF-8 with plain line feeds everywhere, and escaped by its form, so that the bytes are the same
-    wherever it goes. Raises GpsfsmError if it cannot be written.
+    ``private``: nobody else may read a new file. UTF-8 with plain line feeds everywhere, and
+    escaped by its form, so that the bytes are the same wherever it goes. Raises GpsfsmError if it
+    cannot be written.
     """
     if output_file == STDOUT:
         to_stdout(text, form)
         return
-    write_bytes(guarded(text, form).encode("utf-8", "backslashreplace"), output_file)
+    data = guarded(text, form).encode("utf-8", "backslashreplace")
+    write_bytes(data, output_file, private=private)
 
 
-def write_bytes(data: bytes, output_file: str, *, parents: bool = False) -> None:
+write_private = partial(write_text, private=True)
+"""``write_text`` for prompts, outputs of runners and receipts: a new file has the mode 0600."""
+
+
+def write_bytes(
+    data: bytes, output_file: str, *, parents: bool = False, private: bool = False
+) -> None:
     """Write a file, whole or not at all; it keeps its rights, and a link stays a link.
 
-    ``parents``: make the folders that it needs. Raises GpsfsmError if it cannot be written.
+    ``parents``: make the folders that it needs; ``private``: as for a text. Raises GpsfsmError if
+    it cannot be written.
     """
     with _explained(output_file):
         if parents:
             Path(output_file).parent.mkdir(parents=True, exist_ok=True)
-        _write_file(Path(os.path.realpath(output_file)), data)
+        _write_file(Path(os.path.realpath(output_file)), data, private=private)
 
 
 def check_writable(output_file: str, inputs: Iterable[str], others: Iterable[str] = ()) -> None:
@@ -385,7 +396,7 @@ def _explained(output_file: str) -> Iterator[None]:
         raise GpsfsmError(f"cannot write {output_file}: {error}") from error
 
 
-def _write_file(target: Path, data: bytes) -> None:
+def _write_file(target: Path, data: bytes, *, private: bool) -> None:
     """Through a file beside it that takes its name at the end: nobody ever reads half a report."""
     mode = _mode(target)
     if mode is not None and not stat.S_ISREG(mode):  # a pipe or /dev/null cannot be replaced
@@ -394,7 +405,9 @@ def _write_file(target: Path, data: bytes) -> None:
         return
     temporary = target.with_name(f".gpsfsm-{os.urandom(8).hex()}.tmp")
     try:
-        with temporary.open("xb") as file:  # with the rights that the umask gives new files
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        rights = 0o600 if private else 0o666  # of which the umask takes some away
+        with os.fdopen(os.open(temporary, flags, rights), "wb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
@@ -414,9 +427,12 @@ def _mode(target: Path) -> int | None:
 
 
 def append_text(text: str, file: str) -> None:
-    """As the steps of a pipeline do: what is there already stays, and nothing is half there."""
+    """As the steps of a pipeline do: what is there already stays, and nothing is half there.
+
+    Nobody else may read a new file.
+    """
     try:
-        with FileIO(file, "a") as target:
+        with FileIO(file, "a", opener=partial(os.open, mode=0o600)) as target:
             before = os.fstat(target.fileno())
             rest = guarded(text).encode("utf-8", "backslashreplace")
             try:

@@ -11,21 +11,25 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, field, fields, is_dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
+from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import OPEN_IN_GATES, rule
 from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.capabilities.table import dump
 from gpsfsm.checking import CheckOptions, check_text, unreadable
+from gpsfsm.checking.selection import Selection
 from gpsfsm.errors import InternalError, UsageError, misused
 from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Frequency, PlanReport
 from gpsfsm.model.report import Verdict as CheckVerdict
+from gpsfsm.syntax import Limits
 from gpsfsm.tracing import span
 from gpsfsm.version import VERSION
 
@@ -145,7 +149,8 @@ class Verdict:
 
     ``decision`` is accepted, rejected or undecided, as of a check; the last two are refusals.
     ``findings`` are those for which the plan is refused. ``report`` is what was found in all, as
-    the gate sees it: what refuses the plan has the level error. ``basis`` says what was demanded.
+    the gate sees it: what refuses the plan has the level error. ``basis`` says what was demanded,
+    and ``options`` lists all options, as JSON.
     """
 
     decision: CheckVerdict
@@ -155,6 +160,7 @@ class Verdict:
     findings: tuple[Finding, ...] = ()
     report: PlanReport | None = None
     basis: Basis = field(default_factory=Basis)
+    options: str = field(default="{}", compare=False)
 
     @property
     def accepted(self) -> bool:
@@ -188,6 +194,8 @@ class Verdict:
             "findings": plan["findings"],
             "suppressed_findings": plan["suppressed_findings"],
             "facts": plan["facts"],
+            "options": json.loads(self.options),
+            "approximated": [],
         }
 
 
@@ -250,14 +258,14 @@ def refusal(text: str | bytes, options: GateOptions, why: str, name: str = "<tex
         name, CheckVerdict.UNDECIDED, None, (rule("GP904").finding(why, Location(1, 1)),)
     )
     digests = _digests(text, options)
-    return _refused(Reason.INCONCLUSIVE, why, digests, basis=_basis(options), report=report)
+    return _refused(Reason.INCONCLUSIVE, why, digests, options, report)
 
 
 def unread(options: GateOptions, why: str, name: str) -> Verdict:
     """The verdict on a plan that could not be read; never raises."""
     digests = _digests(None, options)
     report = unreadable(name, why)
-    return _refused(Reason.UNREADABLE, why, digests, basis=_basis(options), report=report)
+    return _refused(Reason.UNREADABLE, why, digests, options, report)
 
 
 def _basis(options: GateOptions, facts: Facts | None = None) -> Basis:
@@ -297,8 +305,9 @@ def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdi
     basis = _basis(options, report.facts)
     if reason is Reason.PASSED:
         message = "; ".join((message, *basis.remarks))
-        return Verdict(reason.decision, reason, message, digests, report=judged, basis=basis)
-    return _refused(reason, message, digests, against, basis=basis, report=judged)
+    return Verdict(
+        reason.decision, reason, message, digests, against, judged, basis, listed_options(options)
+    )
 
 
 def reason_of(report: PlanReport, options: GateOptions) -> tuple[Reason, str]:
@@ -407,15 +416,14 @@ def _excused(report: PlanReport, options: GateOptions) -> bool:
 
 
 def _refused(
-    reason: Reason,
-    message: str,
-    digests: Digests,
-    findings: tuple[Finding, ...] = (),
-    *,
-    basis: Basis,
-    report: PlanReport,
+    reason: Reason, message: str, digests: Digests, options: GateOptions, report: PlanReport
 ) -> Verdict:
-    return Verdict(reason.decision, reason, message, digests, findings, report, basis)
+    """A verdict without findings against the plan; what cannot be listed is not."""
+    listed = "{}"
+    with suppress(Exception):
+        listed = listed_options(options)
+    basis = _basis(options)
+    return Verdict(reason.decision, reason, message, digests, (), report, basis, listed)
 
 
 _APART = "capabilities"
@@ -447,6 +455,27 @@ def _of_capabilities(capabilities: Capabilities) -> str:
         described = replace(capabilities, library=EMPTY.library, defects=())
         parts.append(json.dumps(_plain(described), sort_keys=True))
     return _digest("\n".join(parts))
+
+
+@lru_cache(maxsize=8)
+def listed_options(options: GateOptions) -> str:
+    """All options with their values, as JSON. New options are in it without anybody's doing."""
+    listed: dict[str, Any] = {}
+    pending: list[tuple[str, object]] = [("", options)]
+    while pending:
+        name, value = pending.pop()
+        if isinstance(value, GateOptions | CheckOptions | AnalysisOptions | Limits | Selection):
+            pending += [(each.name, getattr(value, each.name)) for each in fields(value)]
+        elif name == "task":
+            listed[name] = None if options.check.task is None else options.check.task.sha256
+        elif name != _APART:
+            listed[name] = _plain(value)
+    described = options.check.described
+    robot = described.robot
+    allowed = [[kind.value, text] for kind, text in described.allow or ()]
+    listed |= {"robot": None if robot is None else robot.file, "allow": allowed}
+    listed[_APART] = _of_capabilities(described)
+    return json.dumps(listed, sort_keys=True)
 
 
 @lru_cache(maxsize=8)

@@ -9,6 +9,7 @@ were asked about. Analyses are loaded when they are needed: the process starts w
 
 from __future__ import annotations
 
+import json
 import os
 import threading
 from contextlib import suppress
@@ -127,14 +128,20 @@ class Gate:
 
     def __call__(self, plan: str | bytes | Path | nx.Graph[Any], name: str = "") -> Verdict:
         """Decide about a plan: a text, a ``pathlib.Path``, or a machine as a graph."""
-        from gpsfsm.gating.deciding import refusal, unread
+        from gpsfsm.gating.deciding import unread
         from gpsfsm.gating.gate_call import text_of
 
         try:
             text, name = text_of(plan, name, self.options)
         except InputError as error:
-            return unread(self.options, str(error), name or str(plan))
+            return self._with_bounds(unread(self.options, str(error), name or str(plan)))
         content = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+        return self._with_bounds(self._settled(content, name))
+
+    def _settled(self, content: bytes, name: str) -> Verdict:
+        """The verdict, whatever happens to the worker."""
+        from gpsfsm.gating.deciding import refusal
+
         with self._lock:
             try:
                 return self._decided(content, name)
@@ -161,10 +168,16 @@ class Gate:
             raise NoAnswerError("the worker's answer is not a verdict")
         verdict = verdict_of(answer)
         expected = refusal(text, self.options, "", name)
-        theirs = (verdict.digests, verdict.basis.task)
-        if theirs != (expected.digests, expected.basis.task):
+        theirs = (verdict.digests, verdict.basis.task, verdict.options)
+        if theirs != (expected.digests, expected.basis.task, expected.options):
             raise NoAnswerError("the worker decided about something else")
         return verdict
+
+    def _with_bounds(self, verdict: Verdict) -> Verdict:
+        """The verdict with the bounds of this gate among its options."""
+        bounds = {"budget_ms": self.budget_ms, "memory_mb": self._memory_mb}
+        listed = json.loads(verdict.options) | bounds
+        return replace(verdict, options=json.dumps(listed, sort_keys=True))
 
     def _ready(self) -> ChildProcess:
         """A worker that has loaded all it needs."""

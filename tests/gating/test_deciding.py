@@ -7,7 +7,7 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -393,3 +393,19 @@ def test_what_kept_a_plan_from_being_proved_is_told_without_a_finding_as_well() 
     assert report.verdict is CheckVerdict.ACCEPTED
     wanted = Reason.INCONCLUSIVE, "not proved: over --rlimit"
     assert reason_of(report, GateOptions()) == wanted
+
+
+def test_receipts_list_every_option() -> None:
+    def names(of: object) -> set[str]:
+        return {each.name for each in fields(of)}  # type: ignore[arg-type]
+
+    check = check_options(AnalysisOptions(consistent=True, faults=("hang",)), ignore=["GP302"])
+    options = GateOptions(check, allow_trees=True)
+    listed = gate_text(GOOD, "plan.xml", options).to_dict()["options"]
+    nested = {"check", "analysis", "limits", "selection"}
+    parts = (options, check, check.analysis, check.limits, check.selection)
+    assert listed.keys() == set().union(*map(names, parts)) - nested | {"robot", "allow"}
+    assert listed["consistent"] is True
+    assert (listed["faults"], listed["ignore"], listed["task"]) == (["hang"], ["GP302"], None)
+    assert (listed["allow_trees"], listed["trees"], listed["robot"]) == (True, True, None)
+    assert refusal(b"", options, "no").to_dict()["options"] == listed
