@@ -440,7 +440,8 @@ _MAX_DEFECT = 200
 
 def _find_defective_capability_file(context: Context) -> Iterator[Finding]:
     """One finding for the files of the plan's runners, and one for all others, at its beginning."""
-    touched, others = [], []
+    touched: list[FileDefect] = []
+    others: list[FileDefect] = []
     concerned = _Concerned(context) if context.capabilities.defects else None
     for each in context.capabilities.defects:
         (touched if concerned and concerned.by(each) else others).append(each)

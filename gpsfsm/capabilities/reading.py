@@ -519,8 +519,9 @@ def _note_unknown_keys(model: FileModel, homes: Mapping[str, str], notes: Notes)
 @cache
 def _homes(root: type[FileModel]) -> Mapping[str, str]:
     """The parts of such a file, and of its siblings, by the keys that belong to them."""
-    family = root.__mro__[root.__mro__.index(FileModel) - 1]
-    pending, homes = [family, *family.__subclasses__()], dict[str, str]()
+    family: type[FileModel] = root.__mro__[root.__mro__.index(FileModel) - 1]
+    pending = [family, *family.__subclasses__()]
+    homes: dict[str, str] = {}
     while pending:
         model = pending.pop(0)
         head, quotes, _ = (model.__doc__ or "").partition("\n")[0].partition("``: ")

@@ -484,7 +484,7 @@ def _bounded(profile: Profile, library: Library, notes: Notes) -> Iterator[Provi
                     used.add((runner, parameter.name))
                     low = span[0] if low is None else max(low, span[0])
                     high = span[1] if high is None else min(high, span[1])
-                    if low is not None and high is not None and low > high:
+                    if low > high:
                         message = f"with its file, no value of {quoted(parameter.name)} is left"
                         place = profile.places.get((f"bounds {runner}", parameter.name), (1, 1))
                         notes.error(place, message, "'gpsfsm capabilities show' lists its bounds")
