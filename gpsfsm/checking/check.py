@@ -58,6 +58,9 @@ if TYPE_CHECKING:
     from gpsfsm.tasks.task import Task
 
 OUT_OF_MEMORY = "memory ran out before the plan was decided"
+GRAPH = "<graph>"
+"""The name of a graph in reports, also where it is handed over as a text."""
+
 LIMITS = group(Group.LIMIT)
 MORE_MEMORY = "allow more memory, check with --jobs 1, or split the plan"
 
@@ -143,7 +146,7 @@ def check_graph(graph: nx.Graph[Any], options: CheckOptions) -> PlanReport:
     """
     from gpsfsm.compile.machines import machine_of
 
-    path = "<graph>"
+    path = GRAPH
 
     def checked() -> PlanReport:
         machine, problems = machine_of(graph, file=path)
@@ -289,11 +292,11 @@ def _kind(parsed: Parsed) -> str:
         return f"behaviour tree{more}"
     if not parsed.machine:
         return "plan"
+    if parsed.file == GRAPH:
+        return "graph"
     begin = parsed.text.lstrip("\ufeff \t\r\n")[:1]
-    if begin in ("", "{"):
-        return "machine in JSON" if begin else "graph"
     if begin != "<":
-        return "machine in Python"
+        return f"machine in {'JSON' if begin == '{' else 'Python'}"
     return f"machine in {'GraphML' if '<graphml' in parsed.text else 'XML'}"
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, SolverChoice
 from gpsfsm.analysis.rules import rule, select_rules
 from gpsfsm.api import CheckSettings, is_graph
+from gpsfsm.checking.check import GRAPH
 from gpsfsm.checking.inputs import Input, read_bytes
 from gpsfsm.errors import InputError, UsageError, misused
 from gpsfsm.gating.deciding import GateOptions, Verdict, gate_text, unread
@@ -132,7 +133,7 @@ def text_of(
     if is_graph(plan):
         from gpsfsm.compile.machine_files import graph_to_json
 
-        return graph_to_json(plan), name or "<graph>"
+        return graph_to_json(plan), name or GRAPH
     if not isinstance(plan, str | bytes):
         raise misused("gate", "the text of a plan, a pathlib.Path or a graph of networkx", plan)
     return plan, name or "<text>"
