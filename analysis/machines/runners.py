@@ -177,7 +177,7 @@ def stand_ins(plan: Plan, forest: Forest | None, capabilities: Capabilities) -> 
 
 
 def _by_profile(runner: Element, leaf: Leaf, library: Library) -> StandIn:
-    """What ``leaves`` of the profile says: keys of the blackboard are unknown before the run."""
+    """The runner of ``leaves``; what is read from the blackboard is unknown before the run."""
     provider = library.resolve(leaf.runner, "").provider
     assert provider is not None, "the profile was compared with the library"
     place = runner.line, runner.column

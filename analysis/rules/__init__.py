@@ -44,7 +44,7 @@ have; a Retry, for one, repeats an action on purpose.
 OPEN_IN_GATES = frozenset({"GP211", "GP214"})
 """Rules whose findings leave open what a plan does on the robot: a gate does not decide then."""
 
-NO_VERDICT = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907"})
+NO_VERDICT = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907", "GP908"})
 """Rules whose findings say why gpsfsm could not decide a plan."""
 
 

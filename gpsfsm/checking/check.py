@@ -228,7 +228,7 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
     idle = _idle(parsed, options) if parsed.plan is not None and options.decides else ()
     refused = [each for each in idle if each.option not in HARMLESS or each.option in options.named]
     for each in refused:
-        progress.fail("GP904", each.message, hint="leave it out, or check this alone without it")
+        progress.fail("GP908", each.message)
     if parsed.plan is not None and options.decides and not refused:
         _decide(parsed.plan, options, progress)
     on_engine: EngineFindings | GpsfsmError | None = None

@@ -157,7 +157,7 @@ def test_an_option_has_its_effect_or_is_refused_by_name(
     assert before != after
     if refused:
         flag = "--faults no-start" if option == "no-start" else f"--{option.replace('_', '-')}"
-        (finding,) = [each for each in after["findings"] if each["rule"] == "GP904"]
+        (finding,) = [each for each in after["findings"] if each["rule"] == "GP908"]
         assert after["verdict"] == "undecided"
         assert finding["message"].startswith(f"{flag} has no effect on a {kind}: ")
         if kind != "graph" or option not in ("max_bytes", "max_elements"):  # a gate gets a text
