@@ -428,6 +428,8 @@ def _refused(
 
 _APART = "capabilities"
 """The option that has a digest of its own."""
+_NAMED = "named"
+"""What says which of the options were named: it asks for nothing more."""
 
 
 def digests_of(text: str | bytes | None, options: GateOptions) -> Digests:
@@ -468,7 +470,7 @@ def listed_options(options: GateOptions) -> str:
             pending += [(each.name, getattr(value, each.name)) for each in fields(value)]
         elif name == "task":
             listed[name] = None if options.check.task is None else options.check.task.sha256
-        elif name != _APART:
+        elif name not in (_APART, _NAMED):
             listed[name] = _plain(value)
     described = options.check.described
     robot = described.robot
@@ -484,7 +486,7 @@ def _of_options(options: GateOptions) -> str:
     check = {
         each.name: _plain(getattr(options.check, each.name))
         for each in fields(options.check)
-        if each.name != _APART
+        if each.name not in (_APART, _NAMED)
     }
     values = {each.name: _plain(getattr(options, each.name)) for each in fields(options)} | {
         "check": check

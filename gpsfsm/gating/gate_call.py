@@ -82,9 +82,15 @@ def gate(
     check = CheckSettings.of(locals()).options()
     if is_idle(ignore, fail_on):
         raise UsageError(IDLE_IGNORE.format(codes=", ".join(ignore)[:100]))
-    check = replace(check, task=_task(task))
-    check = replace(check, capabilities=permitting(check.described, _permissions(allow)))
+    described = permitting(check.described, _permissions(allow))
+    check = replace(check, task=_task(task), capabilities=described)
     options = GateOptions(check, _severity(fail_on), **flags, allow_trees=allow_trees)
+    return _gate(plan, options, budget_ms)
+
+
+def _gate(
+    plan: str | bytes | Path | nx.Graph[Any], options: GateOptions, budget_ms: int | None
+) -> Verdict:
     if budget_ms is not None:
         with Gate(options, budget_ms=budget_ms) as decide:
             return decide(plan)
@@ -135,7 +141,7 @@ def text_of(
 
         return graph_to_json(plan), name or GRAPH
     if not isinstance(plan, str | bytes):
-        raise misused("gate", "the text of a plan, a pathlib.Path or a graph of networkx", plan)
+        raise misused("gate", "the text of a plan or a pathlib.Path or a networkx graph", plan)
     return plan, name or "<text>"
 
 

@@ -402,7 +402,7 @@ def test_receipts_list_every_option() -> None:
     check = check_options(AnalysisOptions(consistent=True, faults=("hang",)), ignore=["GP302"])
     options = GateOptions(check, allow_trees=True)
     listed = gate_text(GOOD, "plan.xml", options).to_dict()["options"]
-    nested = {"check", "analysis", "limits", "selection"}
+    nested = {"check", "analysis", "limits", "selection", "named"}
     parts = (options, check, check.analysis, check.limits, check.selection)
     assert listed.keys() == set().union(*map(names, parts)) - nested | {"robot", "allow"}
     assert listed["consistent"] is True

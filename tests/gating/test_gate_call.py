@@ -97,7 +97,7 @@ def test_a_task_and_a_robot_are_added_to_the_options(tmp_path: Path) -> None:
 def test_what_is_no_plan_is_misuse() -> None:
     for wrong in (3, None, ["<Plan/>"]):
         with pytest.raises(
-            UsageError, match=r"takes the text of a plan, a pathlib.Path or a graph"
+            UsageError, match=r"takes the text of a plan or a pathlib.Path or a networkx"
         ):
             gate(wrong, budget_ms=None)  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="True or False as allow_trees"):
