@@ -67,9 +67,8 @@ def gate(
     ``plan`` is a text, a ``pathlib.Path`` (a ``str`` is never a path), or a machine as a networkx
     graph. A child process decides, and is killed after ``budget_ms`` milliseconds; with None, the
     calling process decides, without a time limit. ``allow`` lists what plans may reach, under
-    ``program``, ``host`` and ``function``. The other options are those of ``gpsfsm gate``. To
-    decide about many plans, use ``Gate``, which keeps its process. Raises UsageError for invalid
-    options.
+    ``program``, ``host`` and ``function``. The other options are those of ``gpsfsm gate``. For many
+    plans, use ``Gate``, which keeps its process. Raises UsageError for invalid options.
 
     >>> verdict = gate('<Plan><Runner interface="a/Go"/></Plan>', budget_ms=None)
     >>> bool(verdict), str(verdict), verdict.findings[0].rule
