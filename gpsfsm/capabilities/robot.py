@@ -486,6 +486,10 @@ def _bounded(profile: Profile, library: Library, notes: Notes) -> Iterator[Provi
                     used.add((runner, parameter.name))
                     low = span[0] if low is None else max(low, span[0])
                     high = span[1] if high is None else min(high, span[1])
+                    if low > high:
+                        message = f"with its file, no value of {quoted(parameter.name)} is left"
+                        place = profile.places.get((f"bounds {runner}", parameter.name), (1, 1))
+                        notes.error(place, message, "'gpsfsm capabilities show' lists its bounds")
             configuration.append(replace(parameter, minimum=low, maximum=high))
         added = profile.resources.get(provider.implements, ())
         yield replace(
