@@ -317,7 +317,7 @@ def _every_kind() -> Iterator[str]:
     yield "|---" * (1 + len(_COLUMNS)) + "|"
     for kind, title in _KINDS.items():
         cells = (
-            "; ".join(_words(each) for each in DECLARATIONS[kind] if each.reading in readings)
+            "<br>".join(_words(each) for each in DECLARATIONS[kind] if each.reading in readings)
             for readings in _COLUMNS.values()
         )
         yield f"| {title} | {' | '.join(cells)} |"
