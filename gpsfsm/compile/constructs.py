@@ -284,18 +284,31 @@ SCXML: Final = (
 
 _BUILT: Final = (
     _skipped("", "other machines of the file", "", Cause.ANOTHER_MACHINE),
-    _skipped("remapping input_keys output_keys", "", "only states use data", Cause.NO_MEANING),
+    _skipped(
+        "remapping input_keys output_keys", "", "every outcome is possible anyway", Cause.NO_MEANING
+    ),
     _assumed((), "`from … import *`", "", Cause.IMPORTS),
+    _assumed(
+        (),
+        "a call of code that is not followed, in a constructor while a container is open",
+        "",
+        Cause.ADDS_NOTHING,
+    ),
     _refused("", "names, transitions, outcomes or conditions that are computed"),
     _refused(
         "",
-        "a state under a condition or in a loop that only a run decides; code that is not followed "
-        "and may change a container",
+        "a state under a condition, in a loop or in a `try` statement, if only a run decides "
+        "whether it is added",
+    ),
+    _refused(
+        "",
+        "a container that code of another file may change; private attributes, replaced methods, "
+        "and callbacks that change the machine while it runs",
     ),
 )
 _FOLLOWED: Final = _exact(
     "",
-    "functions, loops, texts, lists and dictionaries of the same file",
+    "functions, classes, loops, texts, lists and dictionaries of the same file",
     "followed, provided that all values are written in the file",
 )
 _COMBINATIONS: Final = "with more than 64 combinations of outcomes"
@@ -317,15 +330,16 @@ FLEXBE: Final = (
     ),
     _exact("", "states", "a runner that ends with any outcome of its transitions"),
     _over("use_behavior", "", "one state with the outcomes of its transitions", Cause.ELSEWHERE),
-    _assumed(("preempted",), "without a transition", "", Cause.PREEMPTION),
-    _skipped("autonomy", "", "an operator only decides when a state ends", Cause.NO_MEANING),
+    _exact("", "an outcome `preempted` that a state declares", "ends the container, too"),
+    _assumed(("preempted",), "of all other states", "", Cause.PREEMPTION),
+    _skipped("autonomy", "", "every outcome is possible anyway", Cause.NO_MEANING),
     _FOLLOWED,
     *_BUILT,
 )
 
 SMACH: Final = (
     _exact("StateMachine", how="its states; the first one starts, or the initial state"),
-    _exact("Sequence", how="its states, one after the other by the connecting outcome"),
+    _exact("Sequence add_auto", how="the states, one after the other by connecting outcomes"),
     _exact("Concurrence", how="all children, then `outcome_map`, then `default_outcome`"),
     _over(
         "",
@@ -352,6 +366,7 @@ SMACH: Final = (
         Cause.UNDECLARED,
     ),
     _skipped("constants", "", "", Cause.NO_MEANING),
+    _assumed(("request_preempt", "set_preempt_handler"), "", "", Cause.PREEMPTION),
     _FOLLOWED,
     _refused("Iterator", how="the number of repetitions is not read"),
     _refused(

@@ -58,6 +58,7 @@ class Cause(StrEnum):
     PREEMPTION = "nobody is assumed to preempt it"
     VERSIONS = "versions of the engine differ in it"
     IMPORTS = "it is assumed to replace no name that this file uses"
+    ADDS_NOTHING = "it is assumed to add no state"
     ANOTHER_MACHINE = "another machine of the file was read"
     RESUMED = "the run is assumed to be resumed there"
 
