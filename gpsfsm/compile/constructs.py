@@ -370,7 +370,7 @@ SMACH: Final = (
     _FOLLOWED,
     _refused("Iterator", how="the number of repetitions is not read"),
     _refused(
-        "child_termination_cb", "that may stop some of several children", "which ones, is open"
+        "child_termination_cb", "that may stop some of several children", "only a run decides which"
     ),
     *_BUILT,
 )
