@@ -448,7 +448,7 @@ IDLE_ON: Mapping[str, Mapping[str, str]] = {
     "behaviour tree that is no plan": _OF_TREES | _OF_MACHINES,
     "machine in XML": _ALL_OF_MACHINES,
     "machine in JSON": _ALL_OF_MACHINES | _UNNESTED,
-    "machine in GraphML": _ALL_OF_MACHINES | _UNNESTED,
+    "machine in GraphML": _ALL_OF_MACHINES,
     "machine in Python": _ALL_OF_MACHINES
     | _UNNESTED
     | {"max_elements": "it has no tags and no list of nodes"},
