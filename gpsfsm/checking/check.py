@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
@@ -17,9 +17,10 @@ from gpsfsm.analysis.words import listed
 from gpsfsm.capabilities.dialects import in_dialect
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
 from gpsfsm.checking.approximations import approximation_findings
+from gpsfsm.checking.idle_options import GRAPH, Idle, idle_options
 from gpsfsm.checking.includes import includes_of
 from gpsfsm.checking.inputs import read_bytes
-from gpsfsm.checking.option_table import BY_NAME, HARMLESS, IDLE_ON, Group, group
+from gpsfsm.checking.option_table import HARMLESS
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
 from gpsfsm.compile.plan_text import machine_in, read_plan_or_machine
 from gpsfsm.errors import (
@@ -64,10 +65,6 @@ TIME_LIMIT_S = 600.0
 """The usual time limit of a plan on the command line: hardly any machine is too slow for it."""
 
 OUT_OF_MEMORY = "memory ran out before the plan was decided"
-GRAPH = "<graph>"
-"""The name of a graph in reports, also where it is handed over as a text."""
-
-LIMITS = group(Group.LIMIT)
 MORE_MEMORY = "allow more memory, check with --jobs 1, or split the plan"
 
 
@@ -270,51 +267,15 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
     return _report(replace(parsed, notes=(*parsed.notes, *notes)), path, options, progress)
 
 
-class _Idle(NamedTuple):
-    """An option without effect on an input."""
-
-    option: str
-    message: str
-
-
-def _idle(parsed: Parsed, options: CheckOptions) -> tuple[_Idle, ...]:
-    """The options that are set and have no effect on an input, by its kind."""
-    kind = _kind(parsed)
-    analysis = options.analysis
-    set_ = {
-        "task": options.task is not None,
-        "engine": options.engine != PAPER_ENGINE,
-        "deadline": analysis.deadline_s is not None,
-        "energy_limit": analysis.energy_limit_j is not None,
-        "faults": "no-start" in analysis.faults,
-        "from_response": options.from_response,
-        "solver": analysis.solver != "auto",
-        **{each.name: getattr(options.limits, each.name) != each.effective for each in LIMITS},
-    }
-    flags = {name: each.flag for name, each in BY_NAME.items()}
-    flags |= {"task": "--task", "faults": "--faults no-start"}
-    return tuple(
-        _Idle(name, f"{flags[name]} has no effect on a {kind}: {why}")
-        for name, why in IDLE_ON.get(kind, {}).items()
-        if set_[name]
+def _idle(parsed: Parsed, options: CheckOptions) -> tuple[Idle, ...]:
+    return idle_options(
+        parsed,
+        options.analysis,
+        options.limits,
+        task=options.task is not None,
+        engine=options.engine,
+        from_response=options.from_response,
     )
-
-
-def _kind(parsed: Parsed) -> str:
-    """The kind of an input, as ``IDLE_ON`` has it; "plan" for a plan."""
-    from gpsfsm.compile import MachinePlan
-
-    if parsed.trees:
-        more = " that is no plan" if isinstance(parsed.plan, MachinePlan) else ""
-        return f"behaviour tree{more}"
-    if not parsed.machine:
-        return "plan"
-    if parsed.file == GRAPH:
-        return "graph"
-    begin = parsed.text.lstrip("\ufeff \t\r\n")[:1]
-    if begin != "<":
-        return f"machine in {'JSON' if begin == '{' else 'Python'}"
-    return f"machine in {'GraphML' if '<graphml' in parsed.text else 'XML'}"
 
 
 def unreadable(path: str, message: str) -> PlanReport:

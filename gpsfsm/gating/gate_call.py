@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, SolverChoice
 from gpsfsm.analysis.rules import rule, select_rules
 from gpsfsm.api import CheckSettings, is_graph
-from gpsfsm.checking.check import GRAPH
+from gpsfsm.checking.idle_options import GRAPH
 from gpsfsm.checking.inputs import Input, read_bytes
 from gpsfsm.errors import InputError, UsageError, misused
 from gpsfsm.gating.deciding import GateOptions, Verdict, gate_text, unread

@@ -66,7 +66,11 @@ INPUTS: dict[str, tuple[str, str, str]] = {
     "YASMIN": ("machine in XML", "delivery.xml", corpus("delivery.yasmin.xml")),
     "SMACH": ("machine in Python", "patrol.py", corpus("patrol_smach.py")),
     "FlexBE": ("machine in Python", "inspection.py", corpus("inspection_flexbe.py")),
-    "LangGraph": ("machine in JSON", "agent.json", corpus("agent.langgraph.json").replace("planner", "plan")),
+    "LangGraph": (
+        "machine in JSON",
+        "agent.json",
+        corpus("agent.langgraph.json").replace("planner", "plan"),
+    ),
 }
 """By name: the kind as ``IDLE_ON`` has it, the name of a file, its text."""
 
