@@ -1,7 +1,8 @@
 """Write docs/rules from the catalogue of rules, and docs/api.md from signatures and docstrings.
 
-The grammars of the built-in capabilities, in grammars/, the man pages of all commands, in man/, and
-the tables of options in docs/cli.md are written along with them.
+The grammars of the built-in capabilities, in grammars/, the man pages of all commands, in man/, the
+tables of options in docs/cli.md, and those of what readers do with each construct are written along
+with them.
 
 python docs/generate.py            writes the files
 python docs/generate.py --check    exits 1 if a file differs
@@ -25,11 +26,15 @@ from gpsfsm.analysis.rules import all_rules
 from gpsfsm.capabilities.library import builtin_capabilities
 from gpsfsm.cli import group
 from gpsfsm.cli._help import DOCUMENTATION
+from gpsfsm.compile.constructs import DECLARATIONS
 from gpsfsm.grammars import DEPTH, alphabet, find_format, format_names
+from gpsfsm.model.precision import EXACT, REFUSED, Reading
 from gpsfsm.report._rule_docs import rule_markdown, rules_index_markdown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+
+    from gpsfsm.model.precision import Construct
 
 _RULES = Path(__file__).parent / "rules"
 _API = Path(__file__).parent / "api.md"
@@ -277,6 +282,67 @@ def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
 
 
+# -- what readers do with each construct -------------------------------------------------------
+
+
+_KINDS = {
+    "tree": "[behaviour trees](behaviour-trees.md#what-a-tree-means)",
+    "scxml": "[SCXML](machines.md#scxml)",
+    "flexbe": "[FlexBE](machines.md#flexbe)",
+    "smach": "[SMACH](machines.md#smach)",
+    "yasmin": "[YASMIN](machines.md#yasmin)",
+    "langgraph": "[LangGraph](machines.md#langgraph)",
+    "machine": "[JSON, GraphML, networkx](machines.md#attributes)",
+}
+_COLUMNS = {
+    "exact": [EXACT],
+    "over-approximated": [Reading.OVER],
+    "skipped or assumed": [Reading.SKIPPED, Reading.DEFAULTED],
+    "refused": [REFUSED],
+}
+
+
+def constructs_markdown(page: str) -> str:
+    """A page with the tables of constructs between ``<!-- constructs: … -->`` and its end."""
+
+    def table(match: re.Match[str]) -> str:
+        lines = _every_kind() if match[1] == "all" else _of_kind(match[1])
+        return "\n".join([f"<!-- constructs: {match[1]} -->", *lines, "<!-- /constructs -->"])
+
+    return re.sub(r"(?s)<!-- constructs: (\w+) -->\n.*?<!-- /constructs -->", table, page)
+
+
+def _every_kind() -> Iterator[str]:
+    yield f"| input | {' | '.join(_COLUMNS)} |"
+    yield "|---" * (1 + len(_COLUMNS)) + "|"
+    for kind, title in _KINDS.items():
+        cells = (
+            "<br>".join(_words(each) for each in DECLARATIONS[kind] if each.reading in readings)
+            for readings in _COLUMNS.values()
+        )
+        yield f"| {title} | {' | '.join(cells)} |"
+
+
+def _of_kind(kind: str) -> Iterator[str]:
+    yield "| construct | reading | becomes |"
+    yield "|---|---|---|"
+    for each in DECLARATIONS[kind]:
+        causes = f"*{'; '.join(each.causes)}*" if each.causes else ""
+        reading = "assumed" if each.reading is Reading.DEFAULTED else each.reading
+        yield f"| {_words(each)} | {reading} | {': '.join(filter(None, (each.how, causes)))} |"
+
+
+def _words(construct: Construct) -> str:
+    names = ", ".join(f"`{name}`" for name in construct.names)
+    return " ".join(filter(None, (names, construct.about)))
+
+
+def tables() -> dict[Path, Callable[[str], str]]:
+    """The pages with generated tables, and what writes these into the text of a page."""
+    names = ("reliability.md", "behaviour-trees.md", "machines.md")
+    return {_CLI: cli_markdown, **{_CLI.with_name(name): constructs_markdown for name in names}}
+
+
 def _is_computed(value: object) -> bool:
     return isinstance(value, property) or type(value).__name__ == "cached_property"
 
@@ -295,7 +361,8 @@ def main() -> int:
         _MAN.mkdir(exist_ok=True)
         for name, text in man_pages().items():
             (_MAN / name).write_text(text, encoding="ascii", newline="\n")
-        _CLI.write_text(cli_markdown(_CLI.read_text(encoding="utf-8")), encoding="utf-8")
+        for file, written in tables().items():
+            file.write_text(written(file.read_text(encoding="utf-8")), encoding="utf-8")
         return 0
     outdated = differing(_RULES)
     for name in outdated:
@@ -313,9 +380,10 @@ def main() -> int:
     if manual != man_pages():
         outdated.append("man")
         print("man/ differs from the help of commands: run python docs/generate.py")
-    if cli_markdown(page := _CLI.read_text(encoding="utf-8")) != page:
-        outdated.append(_CLI.name)
-        print("docs/cli.md differs from the help of commands: run python docs/generate.py")
+    for file, written in tables().items():
+        if written(page := file.read_text(encoding="utf-8")) != page:
+            outdated.append(file.name)
+            print(f"a table in docs/{file.name} is outdated: run python docs/generate.py")
     return int(bool(outdated))
 
 

@@ -25,7 +25,7 @@ from gpsfsm.capabilities.library import choose_capabilities
 from gpsfsm.checking import CheckOptions, check_graph, check_input, check_text
 from gpsfsm.checking.check import options_for
 from gpsfsm.checking.inputs import find_inputs, is_text
-from gpsfsm.checking.option_table import BY_KEYWORD, Kind
+from gpsfsm.checking.option_table import BY_KEYWORD, BY_NAME, Group, Kind, group
 from gpsfsm.checking.selection import Selection
 from gpsfsm.errors import UsageError, misused
 from gpsfsm.late import dataclass
@@ -153,7 +153,7 @@ class CheckSettings:
             energy_limit_j=self.energy_limit_j,
             tolerate=self.tolerate,
         )
-        return check_options(
+        options = check_options(
             analysis,
             select=self.select,
             ignore=self.ignore,
@@ -162,6 +162,10 @@ class CheckSettings:
             capabilities=capabilities,
             engine=self.engine,
         )
+        limits = {each.name: getattr(options.limits, each.name) for each in group(Group.LIMIT)}
+        named = {name for name, value in limits.items() if value != BY_NAME[name].effective}
+        named |= {"solver"} if self.solver != "auto" else set()
+        return replace(options, named=frozenset(named))
 
 
 def check_options(

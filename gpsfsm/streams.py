@@ -17,7 +17,7 @@ import sys
 import time
 from contextlib import contextmanager, suppress
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -331,25 +331,39 @@ def wants_color(choice: str, output_file: str = STDOUT) -> bool:
     return is_terminal(Stream.OUT) and os.environ.get("TERM") != "dumb"
 
 
-def write_text(text: str, output_file: str = STDOUT, *, form: Form = Form.TEXT) -> None:
+def write_text(
+    text: str, output_file: str = STDOUT, *, form: Form = Form.TEXT, private: bool = False
+) -> None:
     """Write a result to standard output, or to a file, whole or not at all.
 
-    UTF-8 with plain line feeds everywhere, and escaped by its form, so that the bytes are the same
-    wherever it goes. Raises GpsfsmError if it cannot be written.
+    ``private``: nobody else may read a new file. UTF-8 with plain line feeds everywhere, and
+    escaped by its form, so that the bytes are the same wherever it goes. Raises GpsfsmError if it
+    cannot be written.
     """
     if output_file == STDOUT:
         to_stdout(text, form)
         return
-    write_bytes(guarded(text, form).encode("utf-8", "backslashreplace"), output_file)
+    data = guarded(text, form).encode("utf-8", "backslashreplace")
+    write_bytes(data, output_file, private=private)
+
+
+write_private = partial(write_text, private=True)
+"""``write_text`` for prompts, outputs of runners and receipts: a new file has the mode 0600."""
 
 
 def write_bytes(
-    data: bytes, output_file: str, *, parents: bool = False, within: str | None = None
+    data: bytes,
+    output_file: str,
+    *,
+    parents: bool = False,
+    within: str | None = None,
+    private: bool = False,
 ) -> None:
     """Write a file, whole or not at all; it keeps its rights, and a link stays a link.
 
     ``parents``: make the folders that it needs. ``within``: the folder that somebody has named, out
-    of which no link in it may lead. Raises GpsfsmError if it cannot be written.
+    of which no link in it may lead. ``private``: as for a text. Raises GpsfsmError if it cannot be
+    written.
     """
     with _explained(output_file):
         target = _target(output_file, within)
@@ -357,7 +371,7 @@ def write_bytes(
             target.parent.mkdir(parents=True, exist_ok=True)
         mode = _mode(Path(output_file))
         if mode is None or stat.S_ISREG(mode):
-            _write_file(target, data, mode)
+            _write_file(target, data, mode, private=private)
             return
         # A pipe or /dev/null cannot be replaced, and /dev/fd/3 leads to no name of a file.
         with open(output_file, "wb", opener=_without_waiting) as file:
@@ -415,11 +429,13 @@ def _explained(output_file: str) -> Iterator[None]:
         raise GpsfsmError(f"cannot write {output_file}: {system_reason(error)}") from error
 
 
-def _write_file(target: Path, data: bytes, mode: int | None) -> None:
+def _write_file(target: Path, data: bytes, mode: int | None, *, private: bool) -> None:
     """Through a file beside it that takes its name at the end: nobody ever reads half a report."""
     temporary = target.with_name(f".gpsfsm-{os.urandom(8).hex()}.tmp")
     try:
-        with temporary.open("xb") as file:  # with the rights that the umask gives new files
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        rights = 0o600 if private else 0o666  # of which the umask takes some away
+        with os.fdopen(os.open(temporary, flags, rights), "wb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
@@ -431,12 +447,12 @@ def _write_file(target: Path, data: bytes, mode: int | None) -> None:
         raise
 
 
-def _without_waiting(path: str, flags: int) -> int:
+def _without_waiting(path: str, flags: int, *, mode: int = 0o666) -> int:
     """Open a file to write; a pipe must have a reader, or get one in a moment."""
     until_s = time.monotonic() + READER_S
     while True:
         try:
-            number = os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)
+            number = os.open(path, flags | getattr(os, "O_NONBLOCK", 0), mode)
         except OSError as error:
             if error.errno != errno.ENXIO:
                 raise
@@ -456,9 +472,12 @@ def _mode(target: Path) -> int | None:
 
 
 def append_text(text: str, file: str) -> None:
-    """As the steps of a pipeline do: what is there already stays, and nothing is half there."""
+    """As the steps of a pipeline do: what is there already stays, and nothing is half there.
+
+    Nobody else may read a new file.
+    """
     try:
-        with FileIO(file, "a", opener=_without_waiting) as target:
+        with FileIO(file, "a", opener=partial(_without_waiting, mode=0o600)) as target:
             before = os.fstat(target.fileno())
             rest = guarded(text).encode("utf-8", "backslashreplace")
             try:

@@ -35,12 +35,16 @@ NOT_FOR_TREES = frozenset(
 )
 """Rules that do not speak of trees.
 
-GP2xx: capability files describe runners, a TreeNodesModel describes nodes. GP303 and GP311: a
+GP2xx: capability files describe runners, a TreeNodesModel describes nodes; under a robot profile,
+they speak of the runners that leaves stand for (``machines/runners.py``). GP303 and GP311: a
 Parallel halts what still runs when it ends. The others speak of recoveries, which trees do not
 have; a Retry, for one, repeats an action on purpose.
 """
 
-NO_VERDICT = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907"})
+OPEN_IN_GATES = frozenset({"GP211", "GP214"})
+"""Rules whose findings leave open what a plan does on the robot: a gate does not decide then."""
+
+NO_VERDICT = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907", "GP908"})
 """Rules whose findings say why gpsfsm could not decide a plan."""
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from gpsfsm.analysis.context import Context
-    from gpsfsm.capabilities.library import Library
+    from gpsfsm.capabilities.library import FileDefect, Library
     from gpsfsm.model.capability import Binding, Permission, Robot
     from gpsfsm.model.finding import Finding
 
@@ -439,18 +439,50 @@ _MAX_DEFECT = 200
 
 
 def _find_defective_capability_file(context: Context) -> Iterator[Finding]:
-    """One finding for the whole plan, at its beginning."""
-    defects = context.capabilities.defects
-    if not defects:
-        return
-    shown = "; ".join(clip(defect, _MAX_DEFECT) for defect in defects[:_SHOWN])
-    count = "a defect" if len(defects) == 1 else f"{len(defects)} defects"
-    more = f"; and {len(defects) - _SHOWN} more" if len(defects) > _SHOWN else ""
-    yield DEFECTIVE_CAPABILITY_FILE.finding(
-        f"the capability files have {count}: {shown}{more}",
-        Location(1, 1, "/Plan"),
-        length=1,
-    )
+    """One finding for the files of the plan's runners, and one for all others, at its beginning."""
+    touched: list[FileDefect] = []
+    others: list[FileDefect] = []
+    concerned = _Concerned(context) if context.capabilities.defects else None
+    for each in context.capabilities.defects:
+        (touched if concerned and concerned.by(each) else others).append(each)
+    for defects, whose, severity in (
+        (touched, f" of runners of this {context.terms.whole}", Severity.ERROR),
+        (others, "", Severity.WARNING),
+    ):
+        if not defects:
+            continue
+        shown = "; ".join(clip(each.text, _MAX_DEFECT) for each in defects[:_SHOWN])
+        count = "a defect" if len(defects) == 1 else f"{len(defects)} defects"
+        more = f"; and {len(defects) - _SHOWN} more" if len(defects) > _SHOWN else ""
+        yield DEFECTIVE_CAPABILITY_FILE.finding(
+            f"the capability files{whose} have {count}: {shown}{more}",
+            Location(1, 1, "/Plan"),
+            severity=severity,
+            length=1,
+        )
+
+
+class _Concerned:
+    """The files and names on which what is known of a plan's runners rests."""
+
+    def __init__(self, context: Context) -> None:
+        semantic = {each.name: each.origin for each in context.capabilities.library.semantic}
+        self.files: set[str] = set()
+        self.names: set[str] = set()
+        for runner, binding in zip(context.plan.runners, context.bindings, strict=True):
+            self.names |= {runner.interface, runner.provider}
+            if binding is not None:
+                described = binding.interface, binding.provider
+                self.files |= {each.origin for each in described}
+                self.names |= {each.name for each in described}
+                self.files.add(semantic.get(binding.semantic, ""))
+        self.files.discard("")  # of what no file describes
+        self.names |= {short(name) for name in self.names}
+
+    def by(self, defect: FileDefect) -> bool:
+        """True if a defect concerns one of the runners."""
+        named = not self.names.isdisjoint(defect.names)
+        return named or defect.file in self.files or not defect.names
 
 
 DEFECTIVE_CAPABILITY_FILE = Rule(
@@ -461,11 +493,13 @@ DEFECTIVE_CAPABILITY_FILE = Rule(
     why=(
         "gpsfsm ignores the defective parts of the file, so runners that it was meant to describe "
         "may count as unknown or undescribed, and what it declares of them is not checked. A gate "
-        "with --fail-on warning rejects every plan until the files are right."
+        "does not decide a plan with such runners; with --fail-on warning, it rejects every plan "
+        "until the files are right."
     ),
     fix="fix the files; 'gpsfsm capabilities check DIR' lists everything that is wrong with them",
     bad="",
     good=plan(go(2.0, -0.5)),
+    severities="error if the file describes a runner of the plan, or nobody knows which",
     find=_find_defective_capability_file,
 )
 
@@ -505,6 +539,24 @@ MISMATCHED_NAMES = Rule(
 )
 
 
+UNBOUND_LEAF = Rule(
+    code="GP214",
+    name="unbound-leaf",
+    severity=Severity.WARNING,
+    summary="Nobody knows what a leaf of a behaviour tree does on the robot.",
+    why=(
+        "A robot profile says what a robot has and what it may do. A leaf of a behaviour tree is a "
+        "name: unless the profile binds it to a runner, the leaf may drive anywhere and start any "
+        "program. A gate does not decide such a tree."
+    ),
+    fix=(
+        "bind the leaf in 'leaves' of the robot's profile, or write the full name of a runner, "
+        'such as <Action ID="nav2_capabilities/WaypointRunner"/>'
+    ),
+    bad="",
+    good=plan(go(2.0, -0.5)),
+)
+
 RULES = (
     UNKNOWN_INTERFACE,
     UNKNOWN_PROVIDER,
@@ -514,4 +566,5 @@ RULES = (
     UNPERMITTED_RUNNER,
     DEFECTIVE_CAPABILITY_FILE,
     MISMATCHED_NAMES,
+    UNBOUND_LEAF,
 )

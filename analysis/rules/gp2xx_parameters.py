@@ -22,6 +22,7 @@ from gpsfsm.analysis.rules.names import (
 )
 from gpsfsm.analysis.words import listed
 from gpsfsm.late import pattern
+from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.capability import Parameter, Source, ValueType
 from gpsfsm.model.finding import Confidence, Severity
 from gpsfsm.model.printable import clip
@@ -309,12 +310,13 @@ def _unbounded_arrivals(context: Context) -> Iterator[Finding]:
     if context.capabilities.robot is None:
         return
     for number, binding in enumerate(context.bindings):
-        arriving = context.values.arriving[number] or {}
-        for parameter in () if binding is None or not arriving else binding.provider.configuration:
+        if binding is None or not binding.arriving:
+            continue
+        for parameter in binding.provider.configuration:
             spans = parameter.minimum, parameter.maximum
-            if parameter.name not in arriving or spans == (None, None):
+            if spans == (None, None) or parameter.name not in binding.arriving:
                 continue
-            runner, giver = context.runner(number), context.runner(context.values.source[number])
+            runner, giver = context.runner(number), _giver(context, number, parameter.name)
             yield PARAMETER_OUT_OF_RANGE.finding(
                 f"{context.place(runner)} takes {quoted(parameter.name)} from "
                 f"{context.place(giver)}, and nothing keeps the value within its bounds "
@@ -323,6 +325,19 @@ def _unbounded_arrivals(context: Context) -> Iterator[Finding]:
                 hint="put a step that outputs no such value between the two, and write the value",
                 related=(context.related(giver, f"outputs {quoted(parameter.name)}"),),
             )
+
+
+def _giver(context: Context, number: int, name: str) -> Element:
+    """The runner from which a value of this name arrives: in a machine, the first of them."""
+    automaton = context.automaton
+    numbers = (
+        automaton.runner_number(signal.node)
+        for signal in automaton.inputs[automaton.runner_node(number)]
+        if automaton.nodes[signal.node].kind is NodeKind.RUNNER
+        and (giver := context.bindings[automaton.runner_number(signal.node)]) is not None
+        and name in giver.provider.names_handed_over(signal.event)
+    )
+    return context.runner(next(numbers))
 
 
 def _outside_of_map(context: Context) -> Iterator[Finding]:

@@ -106,4 +106,18 @@ RULES = (
         good=plan(go(1.0, 1.0), go(2.0, 2.0)),
         options=("--assume", "line 3 never fails"),
     ),
+    Rule(
+        code="GP908",
+        name="idle-option",
+        severity=Severity.ERROR,
+        summary="An option has no effect on the input.",
+        why=(
+            "Whoever sets an option asks for something. Where gpsfsm cannot do it for this kind of "
+            "input, such as a behaviour tree on an original engine, an answer without it would "
+            "answer another question. So the input is undecided."
+        ),
+        fix="leave the option out for this input",
+        bad="",
+        good=plan(go(1.0, 1.0)),
+    ),
 )

@@ -282,10 +282,26 @@ class Library:
 
 
 @dataclass(frozen=True, slots=True)
+class FileDefect:
+    """Something that is wrong with a file: ``text`` is ``file:line:column: error: message``.
+
+    ``names``: what the file describes; bare names where it could not be read, as far as it seems to
+    have any, and none at all where that may be anything.
+    """
+
+    text: str
+    file: str = ""
+    names: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
 class Capabilities:
     """The library that a check uses.
 
-    - ``defects``: what is wrong with its files, each as ``file:line:column: message``.
+    - ``defects``: what is wrong with its files.
     - ``robot``: the robot that plans are for, if the library comes from a robot profile.
     - ``named_by``: the engine whose names the built-in library uses; "" for its own names.
     - ``allow``: the only programs, hosts and functions that plans may reach. None: not specified,
@@ -293,7 +309,7 @@ class Capabilities:
     """
 
     library: Library
-    defects: tuple[str, ...] = ()
+    defects: tuple[FileDefect, ...] = ()
     robot: Robot | None = None
     allow: tuple[tuple[Permission, str], ...] | None = None
     named_by: str = ""
@@ -368,8 +384,8 @@ def _filled(
     filling: Filling, leaf: Leaf, runner: Element, provider: Provider, library: Library
 ) -> Value:
     """The value of a parameter. Raises ValueError that says what is wrong and what to do."""
-    source = runner.text(filling.port) if filling.port else filling.text
-    part = None if source is None else _part(source, filling, leaf, library)
+    source = written_for(filling, runner)
+    part = None if source is None else part_of(source, filling, leaf, library)
     if part is None and filling.port:
         part = filling.text
     if part is None and source is None:
@@ -379,7 +395,7 @@ def _filled(
         raise ValueError(f"{where} has other parts than those from which {filling.parameter} comes")
     parameter = provider.parameter(filling.parameter)
     assert parameter is not None, "the profile was compared with the library"
-    value = _of_type(part, parameter, filling)
+    value = of_type(part, parameter, filling)
     if isinstance(value, int | float) and not isinstance(value, bool):
         low, high = parameter.minimum, parameter.maximum
         if (low is not None and value < low) or (high is not None and value > high):
@@ -389,8 +405,16 @@ def _filled(
     return value
 
 
-def _part(text: str, filling: Filling, leaf: Leaf, library: Library) -> str | None:
-    """The part of a text that is meant; None if it has no such part."""
+def written_for(filling: Filling, runner: Element) -> str | None:
+    """The text from which a parameter of a leaf comes; None if its port is not written."""
+    return runner.text(filling.port) if filling.port else filling.text
+
+
+def part_of(text: str, filling: Filling, leaf: Leaf, library: Library) -> str | None:
+    """The part of a text that is meant; None if it has no such part.
+
+    Raises ValueError for a key of the blackboard whose value is unknown.
+    """
     from gpsfsm.model.tree import is_reference  # which only trees need
 
     if is_reference(text):
@@ -410,7 +434,7 @@ def _part(text: str, filling: Filling, leaf: Leaf, library: Library) -> str | No
     return parts[place - 1].strip() if 0 < place <= len(parts) else None
 
 
-def _of_type(text: str, parameter: Parameter, filling: Filling) -> Value:
+def of_type(text: str, parameter: Parameter, filling: Filling) -> Value:
     """A text as a value of the type of a parameter. Raises ValueError."""
     kind = parameter.type
     if kind in (ValueType.DOUBLE, ValueType.INT):
@@ -510,6 +534,10 @@ def choose_capabilities(
     from gpsfsm.capabilities.load import load_directories
 
     loaded = load_directories(paths, base=base.library)
-    errors = tuple(defect.summary for defect in loaded.defects if defect.severity == "error")
+    errors = tuple(
+        FileDefect(defect.summary, defect.file, loaded.described.get(defect.file, ()))
+        for defect in loaded.defects
+        if defect.severity == "error"
+    )
     library = base.library.extended(loaded.library)
     return Capabilities(replace(library, complete=not builtin), errors)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -35,13 +35,14 @@ from gpsfsm.model.capability import Interface, Provider, SemanticInterface
 from gpsfsm.model.printable import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.capabilities.entries import CapabilityFile, Entry
     from gpsfsm.capabilities.exports import Export, Package
 
 _NEWEST = (1, 2)
 _VERSION = re.compile(r"\d{1,4}(\.\d{1,4}){0,3}")
+_NAMED = re.compile(r"(?:name|implements|redefines)\W{1,9}([\w./-]{1,200})")
 _MOST_SHOWN = 20
 _NONE_EXPORTED = "no capability file in it can be used, by what package.xml says:"
 _NO_FILE = """there is no capability file in it; such files are
@@ -51,11 +52,15 @@ _NO_FILE = """there is no capability file in it; such files are
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """The content of capability files. ``files`` is the number of files that were read."""
+    """The content of capability files. ``files`` is the number of files that were read.
+
+    ``described``: by file, the name of what it describes; bare names where it could not be read.
+    """
 
     library: Library
     defects: tuple[Defect, ...]
     files: int
+    described: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def load_directories(paths: Sequence[str | Path], *, base: Library | None = None) -> Loaded:
@@ -68,30 +73,33 @@ def load_directories(paths: Sequence[str | Path], *, base: Library | None = None
     """
     defects: list[Defect] = []
     entries: dict[tuple[type, str], Entry] = {}
-    seen: dict[str, None] = {}
+    seen: dict[str, tuple[str, ...]] = {}
     for path in map(str, paths):
-        loaded, files = _load(path, defects)
+        loaded, described = _load(path, defects)
         entries |= loaded
-        seen |= dict.fromkeys(files)
+        seen |= described
     library = _library(entry.value for entry in entries.values())
     defects += cross_defects(list(entries.values()), (base or Library()).extended(library))
-    return Loaded(library, tuple(sorted(set(defects), key=lambda each: each.order)), len(seen))
+    ordered = tuple(sorted(set(defects), key=lambda each: each.order))
+    return Loaded(library, ordered, len(seen), seen)
 
 
-def _load(path: str, defects: list[Defect]) -> tuple[dict[tuple[type, str], Entry], list[str]]:
-    """The entries of one path, and the files that were read."""
+def _load(
+    path: str, defects: list[Defect]
+) -> tuple[dict[tuple[type, str], Entry], dict[str, tuple[str, ...]]]:
+    """The entries of one path, and the names in the files that were read."""
     entries: dict[tuple[type, str], Entry] = {}
     twice: list[_Twice] = []
-    read: list[str] = []
+    read: dict[str, tuple[str, ...]] = {}
     folder = _Folder(path)
     for file in folder.files:
         notes = Notes(file)
         content = read_bytes(file, notes)
         if not folder.seen(file, content):
             continue
-        read.append(file)
         table = None if content is None else read_table(content, notes)
         entry = None if table is None else _entry(table, file, folder.naming(file), notes)
+        read[file] = _seeming(file, content) if entry is None else (entry.value.name,)
         if entry is not None:
             key = (type(entry.value), entry.value.name)
             if key in entries:
@@ -106,6 +114,14 @@ def _load(path: str, defects: list[Defect]) -> tuple[dict[tuple[type, str], Entr
     defects += of_packages
     defects += _doubles(twice)
     return entries, read
+
+
+def _seeming(file: str, content: bytes | None) -> tuple[str, ...]:
+    """The bare names that a file without an entry seems to describe; none if that is anything."""
+    if content is None:
+        return ()
+    words = [Path(file).stem, *_NAMED.findall(content.decode("utf-8", "replace"))]
+    return tuple(sorted({word.rpartition("/")[2] for word in words} - {""}))
 
 
 class _Folder:

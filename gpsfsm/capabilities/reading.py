@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar, cast
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar, cast, get_args
 
 import yaml
 from pydantic import (
@@ -32,7 +33,7 @@ from gpsfsm.capabilities.files import MAX_BYTES
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from gpsfsm.capabilities.defects import Place
     from gpsfsm.model.plan import Value
@@ -409,6 +410,8 @@ def validate(model: type[_Model], table: Table, notes: Notes) -> _Model | None:
 
     Only of a capability is a part of any use.
     """
+    if notes.kind == "robot":  # a bound or a permission less
+        _note_empty(table, notes)
     for _ in range(_ROUNDS if notes.kind == "capability" else 1):
         try:
             fitted = model.model_validate(table)
@@ -416,9 +419,18 @@ def validate(model: type[_Model], table: Table, notes: Notes) -> _Model | None:
             if not _prune(table, error, notes):
                 return None
         else:
-            _note_unknown_keys(fitted, notes)
+            _note_unknown_keys(fitted, _homes(model), notes)
             return fitted
     return None
+
+
+def _note_empty(table: Table, notes: Notes) -> None:
+    for key, node in table.items():
+        if _null(node):
+            message = f"nothing is behind {quoted(key)}"
+            notes.error(table.places[key], message, "fill it in, or remove it")
+        elif isinstance(node, Table):
+            _note_empty(node, notes)
 
 
 def _prune(root: Table, error: ValidationError, notes: Notes) -> bool:
@@ -485,21 +497,46 @@ _MISSPELT = 0.8
 """``resource`` and ``resources`` are as near as 0.94, ``idempotent`` and ``implements`` 0.6."""
 
 
-def _note_unknown_keys(model: FileModel, notes: Notes) -> None:
+def _note_unknown_keys(model: FileModel, homes: Mapping[str, str], notes: Notes) -> None:
     """The original stack ignores unknown keys silently.
 
-    One that looks like another key is misspelt: what it declares would be missing unnoticed. Any
-    other, such as ``idempotent``, may belong to another program.
+    One that looks like another key is misspelt, and one that belongs elsewhere is misplaced: what
+    it declares would be missing unnoticed. Any other, such as ``idempotent``, may belong to another
+    program.
     """
     keys = [field.alias or name for name, field in type(model).model_fields.items()]
     otherwise = "it is ignored" if notes.kind == "capability" else f"the keys are {', '.join(keys)}"
     for key in model.model_extra or {}:
         misspelt = notes.near(key, keys, cutoff=_MISSPELT)
-        note = notes.error if misspelt else notes.warning
-        hint = misspelt or notes.near(key, keys) or otherwise
+        elsewhere = f"it belongs to {homes[key]}" if key in homes and not misspelt else ""
+        note = notes.error if misspelt or elsewhere else notes.warning
+        hint = misspelt or elsewhere or notes.near(key, keys) or otherwise
         note(model.at(key), f"the key {quoted(key)} is not known here", hint)
     for inner in _inner(model):
-        _note_unknown_keys(inner, notes)
+        _note_unknown_keys(inner, homes, notes)
+
+
+@cache
+def _homes(root: type[FileModel]) -> Mapping[str, str]:
+    """The parts of such a file, and of its siblings, by the keys that belong to them."""
+    family: type[FileModel] = root.__mro__[root.__mro__.index(FileModel) - 1]
+    pending = [family, *family.__subclasses__()]
+    homes: dict[str, str] = {}
+    while pending:
+        model = pending.pop(0)
+        head, quotes, _ = (model.__doc__ or "").partition("\n")[0].partition("``: ")
+        part = f"{head}{quotes}".rstrip(".: ").replace("``", "'")
+        for name, field in model.model_fields.items():
+            homes.setdefault(field.alias or name, f"{part[:1].lower()}{part[1:]}")
+            pending += _models_in(field.annotation)
+    return homes
+
+
+def _models_in(annotation: object) -> Iterator[type[FileModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, FileModel):
+        yield annotation
+    for each in get_args(annotation):
+        yield from _models_in(each)
 
 
 def _inner(model: FileModel) -> Iterator[FileModel]:

@@ -486,6 +486,10 @@ def _bounded(profile: Profile, library: Library, notes: Notes) -> Iterator[Provi
                     used.add((runner, parameter.name))
                     low = span[0] if low is None else max(low, span[0])
                     high = span[1] if high is None else min(high, span[1])
+                    if low > high:
+                        message = f"with its file, no value of {quoted(parameter.name)} is left"
+                        place = profile.places.get((f"bounds {runner}", parameter.name), (1, 1))
+                        notes.error(place, message, "'gpsfsm capabilities show' lists its bounds")
             configuration.append(replace(parameter, minimum=low, maximum=high))
         added = profile.resources.get(provider.implements, ())
         yield replace(
@@ -570,10 +574,9 @@ def write_profile(
     engine: str | None = None,
     ros: RosSettings | None = None,
 ) -> None:
-    """Write a profile that fits at once. Raises ConfigError for one that would not.
+    """Write a profile that fits at once. Raises GpsfsmError for one that would not, or cannot.
 
-    It is written beside its place first, and read: nothing that does not fit gets there. Raises
-    GpsfsmError if it cannot be written.
+    It is written beside its place first, and read: nothing that does not fit gets there.
     """
     lines = [f"name: {json.dumps(name)}"]
     for key, items in (("capabilities", folders), ("runners", runners)):
@@ -585,16 +588,13 @@ def write_profile(
     if engine is not None:
         lines.append(f"engine: {engine}")
     if ros is not None:
-        lines += ["ros:", *(f"  {key}: {json.dumps(value)}" for key, value in ros.data().items())]
+        lines += ["ros:", *(f"  {key}: {json.dumps(row)}" for key, row in ros.data().items())]
     draft = file.with_name(f".{file.name}.{os.urandom(8).hex()}.draft")
-    content = "\n".join(lines) + "\n"
+    content = ("\n".join(lines) + "\n").encode()
     try:
-        with draft.open("x", encoding="utf-8") as beside:
-            beside.write(content)
+        write_bytes(content, str(draft))
         choose_capabilities((), robot=draft)
-        write_bytes(content.encode(), str(file), within=str(file.parent))
-    except OSError as error:
-        raise ConfigError(f"cannot write {file}: {error.strerror or error}") from error
+        write_bytes(content, str(file), within=str(file.parent))
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)

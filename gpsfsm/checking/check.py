@@ -17,8 +17,10 @@ from gpsfsm.analysis.words import listed
 from gpsfsm.capabilities.dialects import in_dialect
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
 from gpsfsm.checking.approximations import approximation_findings
+from gpsfsm.checking.idle_options import GRAPH, Idle, idle_options
 from gpsfsm.checking.includes import includes_of
 from gpsfsm.checking.inputs import read_bytes
+from gpsfsm.checking.option_table import HARMLESS
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
 from gpsfsm.compile.plan_text import machine_in, read_plan_or_machine
 from gpsfsm.errors import (
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.machines.runners import StandIn
     from gpsfsm.checking.engine_check import EngineFindings
     from gpsfsm.checking.inputs import Input
     from gpsfsm.compile import Compiled
@@ -75,6 +78,7 @@ class CheckOptions:
       are accepted in any case.
     - ``engine``: the profile of the engine that is to run the plan (docs/engines.md).
     - ``decides``: if False, the text is parsed and nothing about the plan is decided.
+    - ``named``: the options that were set for this check, and not by a configuration file.
     """
 
     analysis: AnalysisOptions = field(default_factory=AnalysisOptions)
@@ -86,6 +90,7 @@ class CheckOptions:
     trees: bool = True
     engine: str = PAPER_ENGINE
     decides: bool = True
+    named: frozenset[str] = frozenset()
 
     @property
     def described(self) -> Capabilities:
@@ -145,7 +150,7 @@ def check_graph(graph: nx.Graph[Any], options: CheckOptions) -> PlanReport:
     """
     from gpsfsm.compile.machines import machine_of
 
-    path = "<graph>"
+    path = GRAPH
 
     def checked() -> PlanReport:
         machine, problems = machine_of(graph, file=path)
@@ -234,11 +239,15 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
     progress.undecided = parsed.over_limit or parsed.lost
     progress.forest = parsed.forest
     progress.approximations = [*parsed.approximations]
-    if parsed.plan is not None and options.decides:
+    idle = _idle(parsed, options) if parsed.plan is not None and options.decides else ()
+    refused = [each for each in idle if each.option not in HARMLESS or each.option in options.named]
+    for each in refused:
+        progress.fail("GP908", each.message)
+    if parsed.plan is not None and options.decides and not refused:
         _decide(parsed.plan, options, progress)
     on_engine: EngineFindings | GpsfsmError | None = None
     if options.engine != PAPER_ENGINE and not (
-        parsed.over_limit or parsed.foreign or parsed.machine
+        parsed.over_limit or parsed.foreign or parsed.machine or parsed.trees
     ):
         # An engine reads the bytes as they are; of an answer it gets the plan.
         source = parsed.body if options.from_response and parsed.body else text
@@ -254,7 +263,19 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
         progress.findings = _once_per_place(progress.findings)
     if on_engine is not None:
         _add_engine_findings(on_engine, options.engine, progress)
-    return _report(parsed, path, options, progress)
+    notes = tuple(each.message for each in idle if each not in refused)
+    return _report(replace(parsed, notes=(*parsed.notes, *notes)), path, options, progress)
+
+
+def _idle(parsed: Parsed, options: CheckOptions) -> tuple[Idle, ...]:
+    return idle_options(
+        parsed,
+        options.analysis,
+        options.limits,
+        task=options.task is not None,
+        engine=options.engine,
+        from_response=options.from_response,
+    )
 
 
 def unreadable(path: str, message: str) -> PlanReport:
@@ -289,7 +310,12 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     from gpsfsm.compile import MachinePlan, compile_plan
 
     options, capabilities = check.analysis, check.described
-    bindings = bind(plan, capabilities.library)
+    leaves: Sequence[StandIn] = ()
+    if plan.vocabulary is Vocabulary.TREE:
+        from gpsfsm.analysis.machines.runners import leaf_findings, stand_ins
+
+        leaves = stand_ins(plan, progress.forest, capabilities)
+    bindings = tuple(each.acting for each in leaves) or bind(plan, capabilities.library)
     try:
         with span("gpsfsm.compile"):
             start_chain = "no-start" in options.faults
@@ -304,6 +330,8 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
         )
         for text in constraints.unmatched
     ]
+    if leaves:
+        progress.findings += leaf_findings(compiled, leaves, capabilities, options)
     if isinstance(plan, MachinePlan):
         coarser = _decide_machine(compiled, constraints, check, progress)
         if coarser is not None:
@@ -342,11 +370,6 @@ def _decide_machine(
     if not all(constraints.allowed):
         progress.fail("GP902", contradiction(compiled.bindings))
         return None
-    if check.task is not None or check.engine != PAPER_ENGINE:
-        purpose = "against a task" if check.task is not None else f"for {check.engine}"
-        progress.fail("GP904", f"a machine cannot be checked {purpose}", hint="check a plan")
-        return None
-    _refuse_amounts(check.analysis, progress)
     try:
         with span("gpsfsm.decide"):
             decided = decide_machine(compiled, constraints, check.analysis)
@@ -389,18 +412,6 @@ def _with_loops(plan: Plan, progress: _Progress) -> TreeMachine | None:
     if coarser is None or len(coarser.runners) >= len(plan.runners):
         return None
     return coarser
-
-
-def _refuse_amounts(analysis: AnalysisOptions, progress: _Progress) -> None:
-    """Time and energy of a machine are not decided: whether it keeps to a limit is open."""
-    for limit, name in (
-        (analysis.deadline_s, "--deadline"),
-        (analysis.energy_limit_j, "--energy-limit"),
-    ):
-        if limit is not None:
-            progress.fail(
-                "GP904", f"a machine cannot be decided under {name}", hint="check it without this"
-            )
 
 
 def _check_on_engine(

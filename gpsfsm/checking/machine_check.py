@@ -222,7 +222,9 @@ def _proof(exploration: Exploration, answers: Answers, options: AnalysisOptions)
 
     # The search has decided already. Only a limit above the default buys more than an opinion.
     raised = options.rlimit > DEFAULT_RLIMIT
-    rlimit = options.rlimit if raised else min(options.rlimit, SECOND_OPINION)
+    rlimit = options.rlimit
+    if not raised:
+        rlimit = min(options.rlimit, options.total_rlimit, SECOND_OPINION)
     components = len(exploration.automaton.runners) + len(exploration.instants.inputs)
     if PER_CHARACTER * _LEAST_CHARACTERS * components * exploration.reached > rlimit:
         return "--rlimit"  # the table alone would be too long

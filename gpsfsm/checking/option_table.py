@@ -427,6 +427,41 @@ NO_EFFECT: Mapping[str, Mapping[str, str]] = {
 """By command: the options that it cannot honour, and what to do instead."""
 
 
+_OF_MACHINES = {
+    "task": "tasks are decided for plans",
+    "deadline": "the durations of its runs are not decided",
+    "energy_limit": "the energy of its runs is not decided",
+    "solver": "its configurations are explored, and z3 proves that none is missing",
+}
+_OF_TREES = {
+    "engine": "original engines run plans",
+    "faults": "a leaf that does not start is one that fails",
+}
+_UNNESTED = dict.fromkeys(("max_depth", "max_attributes", "max_attribute_length"), "it has no tags")
+_ALL_OF_MACHINES = _OF_MACHINES | {
+    "engine": "original engines run plans",
+    "faults": "a runner that does not start is not decided",
+}
+
+IDLE_ON: Mapping[str, Mapping[str, str]] = {
+    "behaviour tree": _OF_TREES,
+    "behaviour tree that is no plan": _OF_TREES | _OF_MACHINES,
+    "machine in XML": _ALL_OF_MACHINES,
+    "machine in JSON": _ALL_OF_MACHINES | _UNNESTED,
+    "machine in GraphML": _ALL_OF_MACHINES,
+    "machine in Python": _ALL_OF_MACHINES
+    | _UNNESTED
+    | {"max_elements": "it has no tags and no list of nodes"},
+    "graph": _ALL_OF_MACHINES
+    | _UNNESTED
+    | dict.fromkeys(("max_bytes", "max_elements", "from_response"), "it is no text"),
+}
+"""By kind of input: the options that have no effect on it, and why; of faults, no-start alone."""
+
+HARMLESS = frozenset({"solver", *(option.name for option in group(Group.LIMIT))})
+"""Options that ask nothing of an input: in a configuration file, they are for others beside it."""
+
+
 def refuse_idle(command: str, values: Mapping[str, Any]) -> None:
     """Raise UsageError for an option, by keyword, that this command cannot honour.
 

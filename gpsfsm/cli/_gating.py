@@ -60,15 +60,12 @@ class GateValues(CheckValues, FailValues):
 
             check = replace(check, task=load_task(self.task))
         return GateOptions(
-            check=replace(
-                check,
-                trees=self.allow_trees,
-                capabilities=permitting(check.described, reached(self)),
-            ),
+            check=replace(check, capabilities=permitting(check.described, reached(self))),
             fail_on=severity_of(self.fail_on) or Severity.ERROR,
             allow_suppressions=self.allow_suppressions,
             allow_empty=self.allow_empty,
             allow_approximated=self.allow_approximated,
+            allow_trees=self.allow_trees,
         )
 
     def refuse_idle(self) -> None:

@@ -280,7 +280,7 @@ def capabilities_of(values: AskingValues) -> Capabilities:
         values.capabilities, builtin=values.builtin_capabilities is not False, robot=values.robot
     )
     if chosen.defects:
-        raise ConfigError("\n".join(chosen.defects))
+        raise ConfigError("\n".join(map(str, chosen.defects)))
     return chosen
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, fields
+from dataclasses import field, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 import click
@@ -145,7 +145,8 @@ class CheckValues(LimitValues, LibraryValues):
 
     def options(self) -> CheckOptions:
         """The options of a check. Raises UsageError for those that make no sense."""
-        return self.settings().options()
+        options = self.settings().options()
+        return replace(options, named=options.named.difference(self.configured))
 
 
 @dataclass(frozen=True, kw_only=True)

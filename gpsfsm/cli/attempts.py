@@ -12,7 +12,7 @@ from gpsfsm.cli._help import ANY_PATH, Command, Section, declare
 from gpsfsm.cli._options import Values, format_option, output_option, read_values
 from gpsfsm.cli.generate import JOURNAL
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
-from gpsfsm.streams import check_writable, complain, form_of, write_text
+from gpsfsm.streams import check_writable, complain, form_of, write_private
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -86,7 +86,7 @@ def command(context: click.Context, /, **_: Any) -> int:
         text = _json(chosen)
     else:
         text = "".join(sessions_text(chosen))
-    write_text(text, values.output_file, form=form_of(values.output_format))
+    write_private(text, values.output_file, form=form_of(values.output_format))
     if note:
         complain(note)
     return 0

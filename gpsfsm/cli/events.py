@@ -20,7 +20,7 @@ from gpsfsm.streams import (
     is_terminal,
     to_stdout,
     write_bytes,
-    write_text,
+    write_private,
 )
 
 if TYPE_CHECKING:
@@ -138,14 +138,14 @@ def _run(
 
 
 def _write(parts: list[str], values: EventsCommand) -> None:
-    write_text("".join(parts), values.output_file, form=form_of(values.output_format))
+    write_private("".join(parts), values.output_file, form=form_of(values.output_format))
 
 
 def _write_recording(parts: list[bytes], values: EventsCommand) -> None:
     if values.output_file == STDOUT:
         to_stdout(b"".join(parts), Form.EXACT)
     else:
-        write_bytes(b"".join(parts), values.output_file)
+        write_bytes(b"".join(parts), values.output_file, private=True)
 
 
 def _checked(reader: JournalReader, values: EventsCommand) -> tuple[list[str], list[str]]:

@@ -22,7 +22,7 @@ from gpsfsm.cli._options import (
 )
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.late import dataclass
-from gpsfsm.streams import append_text, check_writable, complain, write_text
+from gpsfsm.streams import append_text, check_writable, complain, write_private, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -153,7 +153,7 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     from gpsfsm.report import find_format
 
     for name, file in reversed(wanted):
-        write_text(_written(name, verdicts), file, form=find_format(name).form)
+        write_private(_written(name, verdicts), file, form=find_format(name).form)
     if values.summary is not None:
         append_text(_written("markdown", verdicts), values.summary)
     if trees:

@@ -31,7 +31,7 @@ from gpsfsm.cli._options import (
     read_values,
     tell_narrowing,
 )
-from gpsfsm.streams import Form, check_writable, to_stderr, write_text
+from gpsfsm.streams import Form, check_writable, to_stderr, write_private
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -204,9 +204,9 @@ def _run(search: Search, keeper: Keeper | None, journal: str | None) -> Generate
 def _written(generated: Generated, values: GenerateCommand) -> int:
     """Write what was found; the exit code."""
     if values.output_format == "json":
-        write_text(_json(generated), values.output_file, form=Form.JSON)
+        write_private(_json(generated), values.output_file, form=Form.JSON)
     elif generated.accepted:
-        write_text(generated.plan + "\n", values.output_file, form=Form.EXACT)
+        write_private(generated.plan + "\n", values.output_file, form=Form.EXACT)
     else:
         _tell_best(generated)
     if generated.accepted:

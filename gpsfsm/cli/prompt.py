@@ -21,7 +21,7 @@ from gpsfsm.cli._model import (
     task_of,
 )
 from gpsfsm.cli._options import config_options, format_option, output_option, read_values
-from gpsfsm.streams import form_of, to_stderr, write_text
+from gpsfsm.streams import form_of, to_stderr, write_private
 
 if TYPE_CHECKING:
     from gpsfsm.generation.prompt_builder import Prompt
@@ -66,7 +66,7 @@ def command(context: click.Context, /, **_: Any) -> int:
     options = prompt_options(values, settings)
     prompt = build_prompt(task, capabilities_of(values).library, options)
     text = _json(prompt) if values.output_format == "json" else _text(prompt)
-    write_text(text, values.output_file, form=form_of(values.output_format))
+    write_private(text, values.output_file, form=form_of(values.output_format))
     characters = sum(len(each.text) for each in prompt.messages)
     to_stderr(f"about {prompt.tokens:,} tokens, {characters:,} characters\n")
     for note in filter(None, (less, *prompt.notes)):

@@ -158,7 +158,10 @@ def _run(values: ViewCommand, check: str) -> int:
         complain(f"{target}: {_counted(len(inputs))}, {size / 1000:,.0f} kB{errors}")
     if values.opens:
         _open(target)
-    return 2 if unread else int(wrong > 0)
+    idle = [each for view in viewed for each in view.report.findings if each.rule == "GP908"]
+    for each in idle:
+        complain(each.message)
+    return 2 if unread or idle else int(wrong > 0)
 
 
 def _options(values: ViewCommand) -> CheckOptions:

@@ -82,6 +82,25 @@ def graph_from_json(text: str) -> nx.MultiDiGraph[Any]:
     return _from_json(text)[0]
 
 
+def graph_to_json(graph: nx.Graph[Any]) -> str:
+    """The JSON of a machine that is a graph, a line for each node and connection.
+
+    Raises InputError for a graph that cannot be written so.
+    """
+    if not graph.is_directed():
+        raise InputError("the graph is not directed; use a networkx.MultiDiGraph")
+    nodes = [{**data, "id": name} for name, data in graph.nodes(data=True)]
+    edges = [{**data, "source": s, "target": t} for s, t, data in graph.edges(data=True)]
+    try:
+        lists = [
+            ",\n".join(json.dumps(row, allow_nan=False) for row in rows) for rows in (nodes, edges)
+        ]
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(f"the graph cannot be written as JSON: {error}") from None
+    text = f'{{"nodes": [\n{lists[0]}\n], "edges": [\n{lists[1]}\n]}}\n'
+    return text.replace('"__start__"', '"\\u005f_start__"')  # which another tool's format has
+
+
 def _is_machine(text: str) -> bool:
     if is_json(text):
         return '"nodes"' in text and '"edges"' in text and not has_start(text)

@@ -47,7 +47,7 @@ from gpsfsm.compile.trees import EMPTY_SCOPE, leaf_attributes, scope_of
 from gpsfsm.compile.units import Pruned
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.precision import Cause
-from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Builtin, Meaning
+from gpsfsm.model.tree import NAV2_CONDITIONS, Builtin, Meaning, builtin_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -134,7 +134,7 @@ class Compiler(Parts):
             position = around.children.index(node.index)
             before = around.children[position - 1] if position else -1
             if position and before not in unentered:
-                builtin = self.builtin(around, around.identity)
+                builtin = builtin_of(around.identity, len(around.children))
                 if builtin is None or builtin.meaning not in _ROWS:
                     return None
                 other = self.forest.nodes[before]
@@ -152,7 +152,7 @@ class Compiler(Parts):
             if node.index in seen:
                 continue
             seen.add(node.index)
-            builtin = self.builtin(node, node.identity)
+            builtin = builtin_of(node.identity, len(node.children))
             tree = self.tree_of(node, node.identity)
             if builtin is not None and builtin.meaning is Meaning.SUBTREE:
                 tree = self.forest.trees.get(node.text("ID"), -1)
@@ -257,7 +257,7 @@ class Compiler(Parts):
     def node(self, node: TreeNode, visit: Visit) -> Steps:
         """A node without its conditions."""
         name = node.identity
-        builtin = self.builtin(node, name)
+        builtin = builtin_of(name, len(node.children))
         if not name:
             raise BlockedError
         if builtin is not None:
@@ -271,15 +271,6 @@ class Compiler(Parts):
                 raise BlockedError  # it can have none
             return (yield from other(self, node, visit))
         return self.leaf(node, visit)
-
-    def builtin(self, node: TreeNode, name: str) -> Builtin | None:
-        """The meaning of a name that a library has, if the node can be meant."""
-        if name in BUILTINS:
-            return BUILTINS[name]
-        count = len(node.children)
-        own = NAV2.get(name)
-        fits = own is not None and own.least <= count and (own.most < 0 or count <= own.most)
-        return own if fits else None
 
     def tree_of(self, node: TreeNode, name: str) -> int:
         """The tree that a node stands for by its tag, -1 if it stands for none."""
@@ -353,7 +344,7 @@ class Compiler(Parts):
                 return None
             if self.scripts.node_may_throw(node):
                 return None
-            builtin = self.builtin(node, node.identity)
+            builtin = builtin_of(node.identity, len(node.children))
             meaning = None if builtin is None else builtin.meaning
             if meaning in (Meaning.SUCCEED, Meaning.FAIL):
                 answer = meaning is Meaning.SUCCEED if forced is None else forced
@@ -376,7 +367,7 @@ class Compiler(Parts):
             if node.index in seen:
                 continue
             seen.add(node.index)
-            builtin = self.builtin(node, node.identity)
+            builtin = builtin_of(node.identity, len(node.children))
             if builtin is not None and builtin.meaning is Meaning.MAYBE:
                 return True
             tree = self.tree_of(node, node.identity)
@@ -392,7 +383,7 @@ class Compiler(Parts):
             node = self.forest.nodes[pending.pop()]
             seen += 1
             name = node.identity
-            builtin = self.builtin(node, name)
+            builtin = builtin_of(name, len(node.children))
             if seen > 1_000 or any(each.name.startswith("_") for each in node.attributes):
                 return False
             if builtin is None:

@@ -189,5 +189,5 @@ def serve_gate(settings: GateNode, interruption: Interruption) -> int:
 def for_engine(options: GateOptions, engine: str) -> GateOptions:
     """The options for plans that a server runs: it gets the very text, and reads it its own way."""
     return replace(
-        options, check=replace(options.check, engine=engine, from_response=False, trees=False)
+        options, check=replace(options.check, engine=engine, from_response=False), allow_trees=False
     )

@@ -135,6 +135,8 @@ def open_to_read(path: str) -> sqlite3.Connection:
 
 def _connect(path: str, mode: str, shown: str) -> sqlite3.Connection:
     try:
+        if mode == "rwc":
+            _make_private(path)
         address = f"file:{quote(os.fsencode(Path(path).absolute()))}?mode={mode}"
         connection = sqlite3.connect(address, uri=True, isolation_level=None, timeout=5.0)
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 256_000_000)
@@ -143,6 +145,16 @@ def _connect(path: str, mode: str, shown: str) -> sqlite3.Connection:
         doing = "written" if mode == "rwc" else "read"
         raise journal_error(error, shown, doing, begun=False) from error
     return connection
+
+
+def _make_private(path: str) -> None:
+    """Make the file that is not there yet, for its owner alone: SQLite copies its rights.
+
+    One that is there is not opened: to close it would let go of a lock on it.
+    """
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+    with suppress(OSError):  # what else is wrong, SQLite says
+        os.close(os.open(os.path.realpath(path), flags, 0o600))
 
 
 def check_place(path: str) -> None:

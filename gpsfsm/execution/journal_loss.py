@@ -111,7 +111,7 @@ class Seen:
         self._boot = _boot()
         self._runs, self._events, self._decisions, self._first = now
         try:
-            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_NONBLOCK, 0o644)
+            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_NONBLOCK, 0o600)
         except OSError as error:
             raise JournalError(f"{self._path} cannot be written: {error.strerror}") from error
         try:

@@ -11,21 +11,25 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, field, fields, is_dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
-from gpsfsm.analysis.rules import rule
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.analysis.rules import OPEN_IN_GATES, rule
 from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.capabilities.table import dump
 from gpsfsm.checking import CheckOptions, check_text, unreadable
+from gpsfsm.checking.selection import Selection
 from gpsfsm.errors import InternalError, UsageError, misused
 from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Frequency, PlanReport
 from gpsfsm.model.report import Verdict as CheckVerdict
+from gpsfsm.syntax import Limits
 from gpsfsm.tracing import span
 from gpsfsm.version import VERSION
 
@@ -72,8 +76,8 @@ _EXIT_CODES: Final = {
 class GateOptions:
     """The options of the gate.
 
-    - ``check``: how plans and machines are checked. Behaviour trees are refused unless it accepts
-      them.
+    - ``check``: how plans and machines are checked.
+    - ``allow_trees``: decide behaviour trees; they are refused otherwise, whatever ``check`` says.
     - ``fail_on``: the lowest severity of a finding that refuses a plan.
     - ``allow_suppressions``: comments in the plan may excuse findings. By default, the author of a
       plan cannot excuse anything.
@@ -82,11 +86,15 @@ class GateOptions:
       because constructs of it were over-approximated.
     """
 
-    check: CheckOptions = field(default_factory=lambda: CheckOptions(trees=False))
+    check: CheckOptions = field(default_factory=CheckOptions)
     fail_on: Severity = Severity.ERROR
     allow_suppressions: bool = False
     allow_empty: bool = False
     allow_approximated: bool = False
+    allow_trees: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "check", replace(self.check, trees=self.allow_trees))
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +161,8 @@ class Verdict:
 
     ``decision`` is accepted, rejected or undecided, as of a check; the last two are refusals.
     ``findings`` are those for which the plan is refused. ``report`` is what was found in all, as
-    the gate sees it: what refuses the plan has the level error. ``basis`` says what was demanded.
+    the gate sees it: what refuses the plan has the level error. ``basis`` says what was demanded,
+    and ``options`` lists all options, as JSON.
     """
 
     decision: CheckVerdict
@@ -163,6 +172,7 @@ class Verdict:
     findings: tuple[Finding, ...] = ()
     report: PlanReport | None = None
     basis: Basis = field(default_factory=Basis)
+    options: str = field(default="{}", compare=False)
 
     @property
     def accepted(self) -> bool:
@@ -197,6 +207,7 @@ class Verdict:
             "suppressed_findings": plan["suppressed_findings"],
             "facts": plan["facts"],
             "approximations": plan["approximations"],
+            "options": json.loads(self.options),
         }
 
 
@@ -259,14 +270,14 @@ def refusal(text: str | bytes, options: GateOptions, why: str, name: str = "<tex
         name, CheckVerdict.UNDECIDED, None, (rule("GP904").finding(why, Location(1, 1)),)
     )
     digests = _digests(text, options)
-    return _refused(Reason.INCONCLUSIVE, why, digests, basis=_basis(options), report=report)
+    return _refused(Reason.INCONCLUSIVE, why, digests, options, report)
 
 
 def unread(options: GateOptions, why: str, name: str) -> Verdict:
     """The verdict on a plan that could not be read; never raises."""
     digests = _digests(None, options)
     report = unreadable(name, why)
-    return _refused(Reason.UNREADABLE, why, digests, basis=_basis(options), report=report)
+    return _refused(Reason.UNREADABLE, why, digests, options, report)
 
 
 def _basis(options: GateOptions, facts: Facts | None = None) -> Basis:
@@ -297,7 +308,8 @@ def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdi
         against = tuple(each for each in counted if each.rule == _EMPTY_PLAN)
     if reason is Reason.INCONCLUSIVE:
         against = against or _doubtful(counted, options) or counted
-        message = against[0].message if against else message
+        opening = [each for each in against if _leaves_open(each)] or against
+        message = opening[0].message if opening else message
     refusing = {id(each) for each in against}
     shown = tuple(
         replace(each, severity=Severity.ERROR) if id(each) in refusing else each for each in counted
@@ -306,8 +318,9 @@ def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdi
     basis = _basis(options, report.facts)
     if reason is Reason.PASSED:
         message = "; ".join((message, *basis.remarks))
-        return Verdict(reason.decision, reason, message, digests, report=judged, basis=basis)
-    return _refused(reason, message, digests, against, basis=basis, report=judged)
+    return Verdict(
+        reason.decision, reason, message, digests, against, judged, basis, listed_options(options)
+    )
 
 
 def reason_of(report: PlanReport, options: GateOptions) -> tuple[Reason, str]:
@@ -317,7 +330,7 @@ def reason_of(report: PlanReport, options: GateOptions) -> tuple[Reason, str]:
 
 
 def _against(counted: tuple[Finding, ...], options: GateOptions) -> tuple[Finding, ...]:
-    """The findings that refuse a plan: as bad as ``fail_on``, or a broken budget of failures.
+    """The findings that refuse a plan: as bad as ``fail_on``, a broken budget, or left open.
 
     Who says how many failures must be tolerated has asked for just that.
     """
@@ -325,7 +338,11 @@ def _against(counted: tuple[Finding, ...], options: GateOptions) -> tuple[Findin
         each
         for each in counted
         if each.confidence is not Confidence.MAY
-        and (each.severity.rank >= options.fail_on.rank or _breaks_budget(each, options))
+        and (
+            each.severity.rank >= options.fail_on.rank
+            or _breaks_budget(each, options)
+            or _leaves_open(each)
+        )
     )
 
 
@@ -349,6 +366,14 @@ def _breaks_budget(finding: Finding, options: GateOptions) -> bool:
     return budget and finding.rule == _BUDGET and finding.severity is Severity.WARNING
 
 
+def _leaves_open(finding: Finding) -> bool:
+    """True if what runners do is open, so that nobody can decide: a defect of another's file."""
+    defective = finding.rule == "GP211"  # a warning where no runner of the plan is concerned
+    return finding.rule in OPEN_IN_GATES and not (
+        defective and finding.severity is not Severity.ERROR
+    )
+
+
 def _reason(
     report: PlanReport, options: GateOptions, counted: tuple[Finding, ...]
 ) -> tuple[Reason, str]:
@@ -357,6 +382,8 @@ def _reason(
     against = _against(counted, options)
     if report.verdict is CheckVerdict.UNDECIDED:
         return Reason.INCONCLUSIVE, f"the {what} is undecided"
+    if any(map(_leaves_open, (*report.findings, *report.suppressed))):
+        return Reason.INCONCLUSIVE, f"nobody knows what the {what} does on the robot"
     if against and all(each.severity.rank < options.fail_on.rank for each in against):
         tolerated = options.check.analysis.tolerate
         failures = "1 failure ends" if tolerated == 1 else f"{tolerated} failures or fewer end"
@@ -397,7 +424,9 @@ def _counted(
     """
     counted, rest = list(report.findings), []
     for each in report.suppressed:
-        if each.excused and options.allow_suppressions:
+        if _leaves_open(each):
+            counted.append(replace(each, suppressed_by="", justification=""))
+        elif each.excused and options.allow_suppressions:
             # no option hides an error here, so it is the comment that does
             error = each.severity is Severity.ERROR
             rest.append(replace(each, suppressed_by=_COMMENT) if error else each)
@@ -421,19 +450,20 @@ def _excused(report: PlanReport, options: GateOptions) -> bool:
 
 
 def _refused(
-    reason: Reason,
-    message: str,
-    digests: Digests,
-    findings: tuple[Finding, ...] = (),
-    *,
-    basis: Basis,
-    report: PlanReport,
+    reason: Reason, message: str, digests: Digests, options: GateOptions, report: PlanReport
 ) -> Verdict:
-    return Verdict(reason.decision, reason, message, digests, findings, report, basis)
+    """A verdict without findings against the plan; what cannot be listed is not."""
+    listed = "{}"
+    with suppress(Exception):
+        listed = listed_options(options)
+    basis = _basis(options)
+    return Verdict(reason.decision, reason, message, digests, (), report, basis, listed)
 
 
 _APART = "capabilities"
 """The option that has a digest of its own."""
+_NAMED = "named"
+"""What says which of the options were named: it asks for nothing more."""
 
 
 def digests_of(text: str | bytes | None, options: GateOptions) -> Digests:
@@ -456,11 +486,32 @@ def digests_of(text: str | bytes | None, options: GateOptions) -> Digests:
 @lru_cache(maxsize=8)
 def _of_capabilities(capabilities: Capabilities) -> str:
     """All that capability files and the profile of a robot say."""
-    parts = [dump(capabilities.library), *capabilities.defects]
+    parts = [dump(capabilities.library), *map(str, capabilities.defects)]
     if capabilities.robot is not None or capabilities.allow:
         described = replace(capabilities, library=EMPTY.library, defects=())
         parts.append(json.dumps(_plain(described), sort_keys=True))
     return _digest("\n".join(parts))
+
+
+@lru_cache(maxsize=8)
+def listed_options(options: GateOptions) -> str:
+    """All options with their values, as JSON. New options are in it without anybody's doing."""
+    listed: dict[str, Any] = {}
+    pending: list[tuple[str, object]] = [("", options)]
+    while pending:
+        name, value = pending.pop()
+        if isinstance(value, GateOptions | CheckOptions | AnalysisOptions | Limits | Selection):
+            pending += [(each.name, getattr(value, each.name)) for each in fields(value)]
+        elif name == "task":
+            listed[name] = None if options.check.task is None else options.check.task.sha256
+        elif name not in (_APART, _NAMED):
+            listed[name] = _plain(value)
+    described = options.check.described
+    robot = described.robot
+    allowed = [[kind.value, text] for kind, text in described.allow or ()]
+    listed |= {"robot": None if robot is None else robot.file, "allow": allowed}
+    listed[_APART] = _of_capabilities(described)
+    return json.dumps(listed, sort_keys=True)
 
 
 @lru_cache(maxsize=8)
@@ -469,7 +520,7 @@ def _of_options(options: GateOptions) -> str:
     check = {
         each.name: _plain(getattr(options.check, each.name))
         for each in fields(options.check)
-        if each.name != _APART
+        if each.name not in (_APART, _NAMED)
     }
     values = {each.name: _plain(getattr(options, each.name)) for each in fields(options)} | {
         "check": check

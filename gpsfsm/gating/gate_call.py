@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, SolverChoice
 from gpsfsm.analysis.rules import rule, select_rules
-from gpsfsm.api import CheckSettings
-from gpsfsm.checking.inputs import Input, is_text, read_bytes
+from gpsfsm.api import CheckSettings, is_graph
+from gpsfsm.checking.idle_options import GRAPH
+from gpsfsm.checking.inputs import Input, read_bytes
 from gpsfsm.errors import InputError, UsageError, misused
 from gpsfsm.gating.deciding import GateOptions, Verdict, gate_text, unread
 from gpsfsm.gating.gate_process import DEFAULT_BUDGET_MS, Gate
@@ -19,6 +20,8 @@ from gpsfsm.model.story import PAPER_ENGINE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+
+    import networkx as nx
 
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.syntax import Limits
@@ -33,7 +36,7 @@ DEFAULT_TOTAL_RLIMIT = 50_000_000
 
 
 def gate(
-    text_or_path: str | bytes | Path,
+    plan: str | bytes | Path | nx.Graph[Any],
     *,
     budget_ms: int | None = DEFAULT_BUDGET_MS,
     fail_on: str = "error",
@@ -41,7 +44,7 @@ def gate(
     allow_empty: bool = False,
     allow_trees: bool = False,
     allow_approximated: bool = False,
-    task: str | Path | None = None,
+    task: str | Path | Task | None = None,
     engine: str = PAPER_ENGINE,
     assume: Sequence[str] = (),
     consistent: bool = False,
@@ -62,11 +65,11 @@ def gate(
 ) -> Verdict:
     """Decide whether a plan may run. The verdict is true if it may.
 
-    ``text_or_path`` is a plan or a path, as for ``check``. A child process decides, and is killed
-    after ``budget_ms`` milliseconds; with None, the calling process decides, without a time limit.
-    ``allow`` lists what plans may reach, under ``program``, ``host`` and ``function``. The other
-    options are those of ``gpsfsm gate``. To decide about many plans, use ``Gate``, which keeps its
-    process. Raises UsageError for invalid options.
+    ``plan`` is a text, a ``pathlib.Path`` (a ``str`` is never a path), or a machine as a networkx
+    graph. A child process decides, and is killed after ``budget_ms`` milliseconds; with None, the
+    calling process decides, without a time limit. ``allow`` lists what plans may reach, under
+    ``program``, ``host`` and ``function``. The other options are those of ``gpsfsm gate``. For many
+    plans, use ``Gate``, which keeps its process. Raises UsageError for invalid options.
 
     >>> verdict = gate('<Plan><Runner interface="a/Go"/></Plan>', budget_ms=None)
     >>> bool(verdict), str(verdict), verdict.findings[0].rule
@@ -80,10 +83,67 @@ def gate(
     check = CheckSettings.of(locals()).options()
     if is_idle(ignore, fail_on):
         raise UsageError(IDLE_IGNORE.format(codes=", ".join(ignore)[:100]))
-    check = replace(check, task=_task(task), trees=allow_trees)
-    check = replace(check, capabilities=permitting(check.described, _permissions(allow)))
-    options = GateOptions(check, _severity(fail_on), **flags)
-    return _gate(text_or_path, options, budget_ms)
+    described = permitting(check.described, _permissions(allow))
+    check = replace(check, task=_task(task), capabilities=described)
+    options = GateOptions(check, _severity(fail_on), **flags, allow_trees=allow_trees)
+    return _gate(plan, options, budget_ms)
+
+
+def _gate(
+    plan: str | bytes | Path | nx.Graph[Any], options: GateOptions, budget_ms: int | None
+) -> Verdict:
+    if budget_ms is not None:
+        with Gate(options, budget_ms=budget_ms) as decide:
+            return decide(plan)
+    try:
+        return gate_text(*text_of(plan, "", options), options)
+    except InputError as error:
+        return unread(options, str(error), str(plan))
+
+
+def options_with(
+    options: GateOptions | None,
+    *,
+    task: str | Path | Task | None,
+    robot: str | Path | None,
+    allow_trees: bool,
+) -> GateOptions:
+    """The options of a gate with these added. Raises UsageError for what is there already."""
+    options = options or GateOptions()
+    check = options.check
+    if not isinstance(allow_trees, bool):
+        raise misused("Gate", "True or False as allow_trees", allow_trees)
+    for name, added, there in (
+        ("task", task, check.task),
+        ("robot", robot, check.capabilities),
+    ):
+        if added is not None and there is not None:
+            raise UsageError(f"Gate takes a {name} once: as an argument, or in its options")
+    if task is not None:
+        check = replace(check, task=_task(task))
+    if robot is not None:
+        analysis = check.analysis
+        settled = {"tolerate": analysis.tolerate, "deadline_s": analysis.deadline_s}
+        chosen = CheckSettings.of({**settled, "robot": robot, "engine": check.engine})
+        analysis = replace(analysis, tolerate=chosen.tolerate, deadline_s=chosen.deadline_s)
+        described = chosen.options().capabilities
+        check = replace(check, analysis=analysis, engine=chosen.engine, capabilities=described)
+    return replace(options, check=check, allow_trees=allow_trees or options.allow_trees)
+
+
+def text_of(
+    plan: str | bytes | Path | nx.Graph[Any], name: str, options: GateOptions
+) -> tuple[str | bytes, str]:
+    """The text and the name of a plan. Raises InputError; UsageError for what is none."""
+    if isinstance(plan, Path):
+        return read_bytes(Input(str(plan)), options.check.limits.max_bytes), name or str(plan)
+    if is_graph(plan):
+        from gpsfsm.compile.machine_files import graph_to_json
+
+        return graph_to_json(plan), name or GRAPH
+    if not isinstance(plan, str | bytes):
+        raise misused("gate", "the text of a plan or a pathlib.Path or a networkx graph", plan)
+    return plan, name or "<text>"
 
 
 def is_idle(ignore: Sequence[str], fail_on: str) -> bool:
@@ -119,34 +179,20 @@ def permitting(described: Capabilities, allowed: Iterable[tuple[str, str]]) -> C
     return replace(described, allow=tuple(dict.fromkeys((*(described.allow or ()), *added))))
 
 
-def _task(file: str | Path | None) -> Task | None:
-    """The task in a file. Raises ConfigError."""
-    if file is None:
-        return None
-    if not isinstance(file, str | Path):
-        raise misused("gate", "the path of a task file as task", file)
+def _task(task: str | Path | Task | None) -> Task | None:
+    """The task, or that in a file. Raises ConfigError."""
+    from gpsfsm.tasks.task import Task
+
+    if task is None or isinstance(task, Task):
+        return task
+    if not isinstance(task, str | Path):
+        raise misused("gate", "the path of a task file as task", task)
     from gpsfsm.tasks.load import load_task
 
-    return load_task(file)
+    return load_task(task)
 
 
 def _severity(fail_on: str) -> Severity:
     if fail_on not in (Severity.ERROR.value, Severity.WARNING.value):
         raise UsageError(f"fail_on must be error or warning, not {str(fail_on)[:40]}")
     return Severity(fail_on)
-
-
-def _gate(text_or_path: str | bytes | Path, options: GateOptions, budget_ms: int | None) -> Verdict:
-    name, text = "<text>", text_or_path
-    if isinstance(text, Path) or (isinstance(text, str) and not is_text(text)):
-        name = str(text)
-        try:
-            text = read_bytes(Input(name), options.check.limits.max_bytes)
-        except InputError as error:
-            return unread(options, str(error), name)
-    if not isinstance(text, str | bytes):
-        raise misused("gate", "the text of a plan or the path of a file", text)
-    if budget_ms is None:
-        return gate_text(text, name, options)
-    with Gate(options, budget_ms=budget_ms) as decide:
-        return decide(text, name)

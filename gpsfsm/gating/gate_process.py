@@ -9,6 +9,7 @@ were asked about. Analyses are loaded when they are needed: the process starts w
 
 from __future__ import annotations
 
+import json
 import os
 import threading
 from contextlib import suppress
@@ -16,7 +17,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import DEBUG_VARIABLE, UsageError, misused
+from gpsfsm.errors import DEBUG_VARIABLE, InputError, UsageError, misused
 from gpsfsm.workers import limit_memory
 from gpsfsm.workers.child_process import ChildProcess, child_command
 from gpsfsm.workers.codec import decode, encode
@@ -24,10 +25,14 @@ from gpsfsm.workers.frames import GoneError
 from gpsfsm.workers.parent_link import WARM_PLAN, serve
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from types import TracebackType
+
+    import networkx as nx
 
     from gpsfsm.gating.deciding import GateOptions, Verdict
     from gpsfsm.model.finding import Finding
+    from gpsfsm.tasks.task import Task
     from gpsfsm.workers.frames import Message
 
 DEFAULT_BUDGET_MS = 10_000
@@ -65,6 +70,8 @@ class Gate:
     of memory, where the system can limit that. ``started`` is a process to begin with. Several
     threads may call a gate; they wait for each other.
 
+    ``task``, ``robot`` (a file each) and ``allow_trees`` are added to the options.
+
     Raises UsageError for invalid options. Anything else that goes wrong is a refusal.
 
     >>> with Gate(budget_ms=5_000) as gate:
@@ -78,16 +85,20 @@ class Gate:
         *,
         budget_ms: int = DEFAULT_BUDGET_MS,
         memory_mb: int = DEFAULT_MEMORY_MB,
+        task: str | Path | Task | None = None,
+        robot: str | Path | None = None,
+        allow_trees: bool = False,
         started: ChildProcess | None = None,
     ) -> None:
         from gpsfsm.gating.deciding import GateOptions
+        from gpsfsm.gating.gate_call import options_with
 
         chosen: object = options
         if not isinstance(chosen, GateOptions | None):
             raise misused("Gate", "gpsfsm.GateOptions as options", chosen)
         _check("budget_ms", budget_ms, 1, MAX_BUDGET_MS)
         _check("memory_mb", memory_mb, LEAST_MEMORY_MB, 1 << 40)
-        self.options = options or GateOptions()
+        self.options = options_with(options, task=task, robot=robot, allow_trees=allow_trees)
         self.budget_ms = budget_ms
         self._memory_mb = memory_mb
         self._started = started
@@ -115,11 +126,22 @@ class Gate:
                 worker.end()
         self._worker = self._started = None
 
-    def __call__(self, text: str | bytes, name: str = "<text>") -> Verdict:
-        """Decide about a plan."""
+    def __call__(self, plan: str | bytes | Path | nx.Graph[Any], name: str = "") -> Verdict:
+        """Decide about a plan: a text, a ``pathlib.Path``, or a machine as a graph."""
+        from gpsfsm.gating.deciding import unread
+        from gpsfsm.gating.gate_call import text_of
+
+        try:
+            text, name = text_of(plan, name, self.options)
+        except InputError as error:
+            return self._with_bounds(unread(self.options, str(error), name or str(plan)))
+        content = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+        return self._with_bounds(self._settled(content, name))
+
+    def _settled(self, content: bytes, name: str) -> Verdict:
+        """The verdict, whatever happens to the worker."""
         from gpsfsm.gating.deciding import refusal
 
-        content = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
         with self._lock:
             try:
                 return self._decided(content, name)
@@ -146,10 +168,16 @@ class Gate:
             raise NoAnswerError("the worker's answer is not a verdict")
         verdict = verdict_of(answer)
         expected = refusal(text, self.options, "", name)
-        theirs = (verdict.digests, verdict.basis.task)
-        if theirs != (expected.digests, expected.basis.task):
+        theirs = (verdict.digests, verdict.basis.task, verdict.options)
+        if theirs != (expected.digests, expected.basis.task, expected.options):
             raise NoAnswerError("the worker decided about something else")
         return verdict
+
+    def _with_bounds(self, verdict: Verdict) -> Verdict:
+        """The verdict with the bounds of this gate among its options."""
+        bounds = {"budget_ms": self.budget_ms, "memory_mb": self._memory_mb}
+        listed = json.loads(verdict.options) | bounds
+        return replace(verdict, options=json.dumps(listed, sort_keys=True))
 
     def _ready(self) -> ChildProcess:
         """A worker that has loaded all it needs."""

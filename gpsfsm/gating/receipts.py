@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from gpsfsm.gating.deciding import Digests
 
 MOST_BYTES = 64 << 20
-_VERSION = 2
+_VERSION = 3
 _EARLIER = (
-    "this receipt has version 1, of an earlier gpsfsm, and its verdicts do not count; "
+    "this receipt has version {}, of an earlier gpsfsm, and its verdicts do not count; "
     "decide again with 'gpsfsm gate --format json'"
 )
 _PARTS = {
@@ -50,8 +50,8 @@ def read_receipt(content: bytes, file: str) -> tuple[dict[str, str], ...]:
     try:
         receipt = strict_loads(content)
         version = receipt["version"]
-        if version == 1 and type(version) is int:
-            raise ConfigError(f"{file}: {_EARLIER}")
+        if type(version) is int and 0 < version < _VERSION:
+            raise ConfigError(f"{file}: {_EARLIER.format(version)}")
         if version != _VERSION:
             raise ConfigError(f"{file}: a receipt of version {_VERSION} is needed")
         return tuple(

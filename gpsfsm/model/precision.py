@@ -12,7 +12,7 @@ other run nobody knows (docs/semantics.md, 9.6).
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final, Literal
 
 from gpsfsm.late import dataclass
 
@@ -53,13 +53,13 @@ class Cause(StrEnum):
     NAMESPACE = "it belongs to another namespace"
     NO_MEANING = "it does not affect the runs"
     NOT_WRITTEN = "the file does not say it"
-    RESUMED = "the run is assumed to be resumed there"
     DATA = "data is not read"
     EARLIER = "an earlier transition is always taken instead"
     PREEMPTION = "nobody is assumed to preempt it"
     IMPORTS = "it is assumed to replace no name that this file uses"
     ADDS_NOTHING = "it is assumed to add no state"
     ANOTHER_MACHINE = "another machine of the file was read"
+    RESUMED = "the run is assumed to be resumed there"
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,3 +70,30 @@ class Approximation:
     construct: str
     location: Location
     cause: Cause
+
+
+EXACT: Final = "exact"
+REFUSED: Final = "refused"
+
+
+@dataclass(frozen=True, slots=True)
+class Construct:
+    """The declaration of a reader about a construct of its format.
+
+    ``names``: the names that its approximations bear; none where they bear those of the file.
+    ``about``: the rest of its description; ``how``: the form that it takes in the automaton.
+    """
+
+    reading: Reading | Literal["exact", "refused"]
+    names: tuple[str, ...]
+    about: str
+    how: str
+    causes: tuple[Cause, ...] = ()
+
+    def covers(self, approximation: Approximation) -> bool:
+        """True if this declares what a reader says of a file."""
+        return (
+            approximation.reading == self.reading
+            and approximation.cause in self.causes
+            and (not self.names or approximation.construct in self.names)
+        )

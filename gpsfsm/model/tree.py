@@ -308,6 +308,16 @@ NAV2_CONDITIONS = frozenset(
 )
 """The conditions of Nav2, which answer at once. A model in the file says otherwise."""
 
+
+def builtin_of(name: str, children: int) -> Builtin | None:
+    """The meaning of a name that a library has, for a node with so many children."""
+    if name in BUILTINS:
+        return BUILTINS[name]
+    own = NAV2.get(name)
+    fits = own is not None and own.least <= children and (own.most < 0 or children <= own.most)
+    return own if fits else None
+
+
 RESERVED = frozenset({"root", "Root", *BUILTINS})
 """Names that no tree and no node of one's own can have."""
 

@@ -168,7 +168,7 @@ class _Wanted:
         task, (settings, _) = valid_task(self.task), budgeted(self._settings())
         chosen = choose_capabilities(self.capabilities, builtin=self.builtin_capabilities)
         if chosen.defects:
-            raise ConfigError("\n".join(chosen.defects))
+            raise ConfigError("\n".join(map(str, chosen.defects)))
         asking = prompt_options(
             settings,
             only=self.only,

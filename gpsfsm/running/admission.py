@@ -164,7 +164,8 @@ class Admission:
             refuse_for_machine(self._base)
         report = self.check(content, name, options)
         simulated = self._base.mode != REAL  # what acts for real follows the gate
-        reason, why = reason_of(report, GateOptions(options, allow_approximated=simulated))
+        gate = GateOptions(options, allow_approximated=simulated, allow_trees=options.trees)
+        reason, why = reason_of(report, gate)
         if reason is not Reason.PASSED and not (self._force or self._silent):
             whole = "tree" if options.trees and holds_trees(as_text(content)) else "plan"
             refused = _refused(report, reason, why, whole)

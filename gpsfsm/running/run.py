@@ -235,7 +235,7 @@ class _Request:
     def _chosen(self) -> Capabilities:
         chosen = choose_capabilities(self.capabilities, builtin=self.builtin_capabilities)
         if chosen.defects:
-            raise ConfigError("\n".join(chosen.defects))
+            raise ConfigError("\n".join(map(str, chosen.defects)))
         for name in self.runners or ():  # another one would act in its place, for real
             if chosen.library.provider(name) is None and chosen.library.interface(name) is None:
                 raise UsageError(f"runners: no capability file describes {name}")

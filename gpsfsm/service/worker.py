@@ -11,7 +11,7 @@ import gc
 import os
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -171,7 +171,10 @@ class WorkerContext:
             if option.service is not None
         }
         wished["total_rlimit"] = wishes.total_rlimit or total_rlimit
-        return CheckSettings(limits=self.limits, **wished).options(self.capabilities)
+        options = CheckSettings(limits=self.limits, **wished).options(self.capabilities)
+        return replace(
+            options, named=options.named.intersection(wished)
+        )  # the limits are the service's
 
 
 def sent_task(text: str) -> Task:

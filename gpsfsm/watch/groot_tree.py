@@ -32,7 +32,7 @@ from gpsfsm.errors import UsageError
 from gpsfsm.execution.records import Kind
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event
-from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Meaning
+from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Meaning, builtin_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -161,7 +161,7 @@ def _uses(c: Compiler) -> tuple[list[Use], list[Block], dict[tuple[int, ...], in
 
 def _meaning(c: Compiler, node: TreeNode) -> tuple[Meaning, int]:
     """The meaning of a node, and the tree that it stands for: -1 if it stands for none."""
-    builtin = c.builtin(node, node.identity)
+    builtin = builtin_of(node.identity, len(node.children))
     if builtin is not None:
         is_subtree = builtin.meaning is Meaning.SUBTREE
         return builtin.meaning, c.forest.trees.get(node.text("ID"), -1) if is_subtree else -1

@@ -103,7 +103,7 @@ class TestChoice:
         assert choose_capabilities([arm]).defects == ()
         write(arm, {"arm/interfaces/Release.yaml": BROKEN})
         (defect,) = choose_capabilities([arm]).defects
-        assert defect.startswith(f"{arm}/arm/interfaces/Release.yaml:2:1: error: ")
+        assert str(defect).startswith(f"{arm}/arm/interfaces/Release.yaml:2:1: error: ")
 
     def test_a_path_that_cannot_be_used_is_misuse(self, tmp_path: Path) -> None:
         with pytest.raises(UsageError, match="there is no capability file in it"):

@@ -222,6 +222,19 @@ CASES = {
         "idempotent: true\n",
         "5:1: warning: the key 'idempotent' is not known here\n    did you mean 'implements'?",
     ),
+    "key_of_another_level": (
+        DESCRIBED + "minimum: 3\n",
+        "9:1: error: the key 'minimum' is not known here\n"
+        "    it belongs to an entry of 'configuration_parameters'",
+    ),
+    "key_of_the_level_above": (
+        "definition: {resources: [arm]}\n",
+        "5:14: error: the key 'resources' is not known here\n    it belongs to a provider",
+    ),
+    "key_of_the_level_beside": (
+        "definition: {configuration_parameters: [{name: x, max: 3}]}\n",
+        "5:51: error: the key 'max' is not known here\n    it belongs to 'duration' or 'energy'",
+    ),
     "unknown_inner_key": (
         RUNTIME + "    output: [{name: a, unit: m}]\n",
         "7:24: warning: the key 'unit' is not known here\n    it is ignored",

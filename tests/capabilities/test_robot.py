@@ -66,6 +66,12 @@ def errors(text: str, robot: Path | None, **options: Any) -> list[tuple[str, int
         (f"name: r\nrunners: [{SPEECH}, {OLD_SPEECH}]\n", "is the same runner as"),
         ("name: r\nbounds: {x: 3}\n", "2:10: error: the bounds of 'x' must be two numbers"),
         ("name: r\nbounds: {x: [3, 1]}\n", "2:10: error: the least 'x' is greater"),
+        ("name: r\nrunners:\n", "2:1: error: nothing is behind 'runners'"),
+        ("name: r\nmap: {x: [0, 1], y: }\n", "2:18: error: nothing is behind 'y'"),
+        (
+            "name: r\nbounds: {generic_capabilities/WaitRunner: {seconds: [-9, -3]}}\n",
+            "2:44: error: with its file, no value of 'seconds' is left",
+        ),
         ("name: r\nbounds: {speed: [0, 1]}\n", "2:10: error: no runner of this robot has"),
         ("name: r\nbounds: {a/B: {x: [0, 1]}}\n", "2:10: error: the robot has no runner 'a/B'"),
         ("name: r\nmap: {x: [0, 1]}\n", "the map has no area"),

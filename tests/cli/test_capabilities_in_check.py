@@ -127,10 +127,10 @@ class TestFolders:
         describe(tmp_path / "sure", "resource: [base]\n")
         command = ("a.xml", "--capabilities", "sure")
         done = run("check", *command, cwd=tmp_path)
-        assert done.returncode == 0
+        assert done.returncode == 1
         assert b"the key 'resource' is not known here" in done.stdout
         strict = ("--fail-on", "warning", "--ignore", "GP302")
-        assert run("gate", *command, *strict, cwd=tmp_path).returncode == 1
+        assert run("gate", *command, *strict, cwd=tmp_path).returncode == 2
         describe(tmp_path / "sure", "resources: [base]\ncolour: of another program\n")
         assert run("gate", *command, *strict, cwd=tmp_path).returncode == 0
 
@@ -273,3 +273,44 @@ class TestSettings:
         self.configure(tmp_path, text)
         assert main(["check", "a.xml"]) == 2
         assert words in capsys.readouterr().err
+
+
+H = """\
+name: Grasp
+spec_type: provider
+spec_version: 1.2
+description: Grasps.
+implements: arm/Grasp
+"""
+DEFECTIVE = {
+    "misspelt": H + "resorces: [arm]\n",
+    "another level": H + "definition: {resources: [arm]}\n",
+    "type": H + "resources: arm\n",
+    "minimum": H + "definition: {configuration_parameters: [{name: x, minimum: 3, maximum: 1}]}\n",
+    "duration": H + "duration: {min: 3, max: 1}\n",
+    "no YAML": H + "definition: {\n",
+    "a list": "- 1\n",
+    "no text": b"\xff\xfe",
+    "nameless": H.replace("name: Grasp\n", ""),
+}
+
+
+@pytest.mark.parametrize("case", DEFECTIVE)
+def test_a_defect_of_a_file_of_a_runner_is_an_error_and_leaves_the_gate_undecided(
+    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = {"arm/providers/Grasp.yaml": DEFECTIVE[case], "arm/interfaces/Lift.yaml": INTERFACE}
+    files["arm/providers/Lift.yaml"] = (PROVIDER + "definition: {}\n").replace("Grasp", "Lift")
+    files["arm/interfaces/Lift.yaml"] = INTERFACE.replace("Grasp", "Lift")
+    write_files(tmp_path / "plain", files)
+    write(tmp_path, b=GRASP.replace("Grasp", "Lift"))
+    (plan,) = checked("a.xml", "--capabilities", "plain", capsys=capsys, code=1)
+    found = next(each for each in plan["findings"] if each["rule"] == "GP211")
+    assert found["severity"] == "error"
+    assert "plain/arm/providers/Grasp.yaml:" in found["message"]
+    (plan,) = checked("b.xml", "--capabilities", "plain", capsys=capsys)
+    assert [each["severity"] for each in plan["findings"] if each["rule"] == "GP211"] == ["warning"]
+    assert main(["gate", "a.xml", "b.xml", "--capabilities", "plain"]) == 2
+    said = capsys.readouterr().out
+    assert "a.xml: undecided: inconclusive: the capability files of runners of this plan" in said
+    assert "b.xml: accepted" in said

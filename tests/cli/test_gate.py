@@ -317,7 +317,7 @@ def test_the_call_in_python_has_the_same_digests(
     (plan,) = receipt(capsys, "a.xml", "--fail-on", "warning", "--engine=fabric-v1", code=1)[
         "plans"
     ]
-    other = gpsfsm.gate("a.xml", budget_ms=None, fail_on="warning", engine="fabric-v1")
+    other = gpsfsm.gate(Path("a.xml"), budget_ms=None, fail_on="warning", engine="fabric-v1")
     assert plan["digests"] == asdict(other.digests)
 
 
@@ -347,7 +347,7 @@ def test_a_receipt_of_another_version_accepts_nothing(
 
 @pytest.mark.parametrize(
     "content",
-    ["", "{}", "[]", "null", "[" * 100_000, '{"version": 1, "plans": []}', '{"version": 2}'],
+    ["", "{}", "[]", "null", "[" * 100_000, '{"version": 1, "plans": []}', '{"version": 3}'],
 )
 def test_what_is_no_receipt_accepts_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str
@@ -359,7 +359,7 @@ def test_what_is_no_receipt_accepts_nothing(
         text = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=2, errors=True)
         assert "version 1, of an earlier gpsfsm" in text
         assert "decide again with 'gpsfsm gate --format json'" in text
-    Path("receipt.json").write_text('{"version": 2, "plans": []}', "utf-8")
+    Path("receipt.json").write_text('{"version": 3, "plans": []}', "utf-8")
     text = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=1)
     assert text == "a.xml: not as accepted: no plan was accepted\n"
 

@@ -205,16 +205,16 @@ def test_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert said("gate", "loop.json", capsys=capsys, code=0) == accepted
     assert "rejected: findings" in said("gate", "stuck.json", capsys=capsys, code=1)
     for options, reason in (
-        (["--engine", "fabric-v2"], "a machine cannot be checked for fabric-v2"),
-        (["--deadline", "60"], "a machine cannot be decided under --deadline"),
-        (["--energy-limit", "60"], "a machine cannot be decided under --energy-limit"),
-        (["--faults", "no-start"], "a machine cannot be decided under --faults no-start"),
+        (["--engine", "fabric-v2"], "--engine has no effect on a machine in JSON"),
+        (["--deadline", "60"], "--deadline has no effect on a machine in JSON"),
+        (["--energy-limit", "60"], "--energy-limit has no effect on a machine in JSON"),
+        (["--faults", "no-start"], "--faults no-start has no effect on a machine in JSON"),
     ):
         out = said("gate", "loop.json", *options, capsys=capsys, code=2)
         assert f"undecided: inconclusive: {reason}" in out
     (tmp_path / "task.yaml").write_text(TASK)
     out = said("gate", "loop.json", "--task", "task.yaml", capsys=capsys, code=2)
-    assert "undecided: inconclusive: a machine cannot be checked against a task" in out
+    assert "undecided: inconclusive: --task has no effect on a machine in JSON" in out
 
 
 def test_receipts_say_that_it_is_a_machine(capsys: pytest.CaptureFixture[str]) -> None:

@@ -169,7 +169,9 @@ def test_a_condition_is_what_the_world_says(tmp_path: Path) -> None:
 def test_a_leaf_without_a_value_is_not_run(leaf: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "t.xml").write_text(tree("<Spin/>", leaf), encoding="utf-8")
     words = ("--robot", PROFILE, "--world", NAV2 / "depot.yaml", "--journal", "j.db")
-    refused = run("run", "t.xml", *words, cwd=tmp_path)
+    checked = run("run", "t.xml", *words, cwd=tmp_path)
+    assert checked.returncode == (2 if "{x}" in leaf else 1)  # as in a plan: GP205, GP206, GP401
+    refused = run("run", "t.xml", *words, "--force", cwd=tmp_path)
     assert refused.returncode == 2
     name = re.match(r"<(\w+)", leaf)
     assert name is not None

@@ -53,6 +53,20 @@ class TestOutputFile:
             os.umask(before)
         assert stat.S_IMODE((tmp_path / "r.txt").stat().st_mode) == 0o640
 
+    def test_files_with_prompts_and_outputs_are_for_their_owner_alone(self, tmp_path: Path) -> None:
+        write(tmp_path, a=ACCEPTED)
+        for words in (
+            ("gate", "a.xml", "--format", "json", "-o", "receipt.json", "--report", "junit=r.xml"),
+            ("prompt", "go", "-o", "prompt.txt"),
+            ("run", "a.xml", "--journal", "j.db"),
+            ("events", "j.db", "-o", "events.txt"),
+        ):
+            assert main([*words]) in (0, 1)
+        kept = {each.name: stat.S_IMODE(each.stat().st_mode) for each in tmp_path.iterdir()}
+        del kept["a.xml"]
+        assert {"receipt.json", "r.xml", "prompt.txt", "j.db", "events.txt"} <= kept.keys()
+        assert set(kept.values()) == {0o600}, kept
+
     def test_a_link_stays_a_link(self, tmp_path: Path) -> None:
         write(tmp_path, a=ACCEPTED)
         (tmp_path / "link").symlink_to("real.txt")

@@ -43,9 +43,9 @@ PLANS = sorted(
     for path in CORPUS.rglob("*")
     if (path.suffix in (".xml", ".txt") or is_machine(path)) and TASKS not in path.parents
 )
-WITHOUT_PLANS = {"GP211", "GP405", "GP901", "GP903"}
+WITHOUT_PLANS = {"GP211", "GP214", "GP405", "GP901", "GP903", "GP908"}
 """Rules that no text of a plan can trigger: they need an unreadable file, capability files of one's
-own, or a defect of gpsfsm itself."""
+own, a behaviour tree, or a defect of gpsfsm itself."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -263,7 +263,7 @@ def test_an_empty_plan_passes_where_it_may() -> None:
 def test_behaviour_trees_are_no_plans_unless_they_may_be() -> None:
     tree = '<root BTCPP_format="4"><BehaviorTree ID="a"><Go/></BehaviorTree></root>'
     assert not gate_text(tree, "tree.xml").accepted
-    assert gate_text(tree, "tree.xml", GateOptions(check=CheckOptions())).accepted
+    assert gate_text(tree, "tree.xml", GateOptions(allow_trees=True)).accepted
 
 
 def test_options_that_make_no_sense_are_told() -> None:
@@ -394,3 +394,19 @@ def test_what_kept_a_plan_from_being_proved_is_told_without_a_finding_as_well() 
     assert report.verdict is CheckVerdict.ACCEPTED
     wanted = Reason.INCONCLUSIVE, "not proved: over --rlimit"
     assert reason_of(report, GateOptions()) == wanted
+
+
+def test_receipts_list_every_option() -> None:
+    def names(of: object) -> set[str]:
+        return {each.name for each in fields(of)}  # type: ignore[arg-type]
+
+    check = check_options(AnalysisOptions(consistent=True, faults=("hang",)), ignore=["GP302"])
+    options = GateOptions(check, allow_trees=True)
+    listed = gate_text(GOOD, "plan.xml", options).to_dict()["options"]
+    nested = {"check", "analysis", "limits", "selection", "named"}
+    parts = (options, check, check.analysis, check.limits, check.selection)
+    assert listed.keys() == set().union(*map(names, parts)) - nested | {"robot", "allow"}
+    assert listed["consistent"] is True
+    assert (listed["faults"], listed["ignore"], listed["task"]) == (["hang"], ["GP302"], None)
+    assert (listed["allow_trees"], listed["trees"], listed["robot"]) == (True, True, None)
+    assert refusal(b"", options, "no").to_dict()["options"] == listed

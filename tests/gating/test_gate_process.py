@@ -285,9 +285,10 @@ def test_a_gate_needs_some_memory() -> None:
 def test_the_call_takes_texts_and_paths(tmp_path: Path) -> None:
     file = tmp_path / "plan.xml"
     file.write_text(GOOD, encoding="utf-8")
-    for plan in (GOOD, GOOD.encode(), file, str(file)):
+    for plan in (GOOD, GOOD.encode(), file):
         assert gpsfsm.gate(plan, budget_ms=None)
-    for missing in (tmp_path, tmp_path / "missing.xml", "no\0file", "missing.xml"):
+    assert gpsfsm.gate(str(file), budget_ms=None).reason is Reason.FINDINGS  # a text, and no plan
+    for missing in (tmp_path, tmp_path / "missing.xml", Path("no\0file"), Path("missing.xml")):
         verdict = gpsfsm.gate(missing)
         assert (bool(verdict), verdict.reason) == (False, Reason.UNREADABLE)
         assert verdict.report is not None

@@ -129,11 +129,12 @@ def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnsw
     task = None if request.task is None else sent_task(request.task)
     check = context.options(request.options, DEFAULT_TOTAL_RLIMIT)
     options = GateOptions(
-        check=replace(check, task=task, trees=request.trees),
+        check=replace(check, task=task),
         fail_on=Severity(request.fail_on),
         allow_suppressions=request.allow_suppressions,
         allow_empty=request.allow_empty,
         allow_approximated=request.allow_approximated,
+        allow_trees=request.trees,
     )
     verdict = gate_text(plan, request.name, options)
     refused_tree = not request.trees and is_trees(read_source(plan, check.limits).text or "")

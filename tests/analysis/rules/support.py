@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.options import AnalysisOptions
-from gpsfsm.capabilities.library import Capabilities, Library
+from gpsfsm.capabilities.library import Capabilities, FileDefect, Library
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.model.capability import (
     Input,
@@ -93,16 +93,23 @@ def findings(
     code: str,
     *steps: str,
     library: Library = LIBRARY,
-    defects: Sequence[str] = (),
+    defects: Sequence[str | FileDefect] = (),
     **options: Any,
 ) -> list[Finding]:
     """What one rule finds in a plan; its first step stands in line 2.
+
+    A defect that is a text concerns no runner.
 
     ``options`` are those of the analyses: solver, faults, consistent, assumptions.
     """
     check = CheckOptions(
         analysis=AnalysisOptions(**options),
-        capabilities=Capabilities(library, tuple(defects)),
+        capabilities=Capabilities(
+            library,
+            tuple(
+                FileDefect(each, "", ("-",)) if isinstance(each, str) else each for each in defects
+            ),
+        ),
     )
     report = check_text(plan(*steps), "plan.xml", check)
     assert report.facts is not None, report.findings

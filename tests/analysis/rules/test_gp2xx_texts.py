@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.rules.names import Names, Status, either, near
-from gpsfsm.capabilities.library import Library
+from gpsfsm.capabilities.library import FileDefect, Library
 from gpsfsm.model.capability import Output
 from gpsfsm.model.finding import Confidence, Severity
 from tests.analysis.rules.support import (
@@ -228,6 +228,26 @@ def test_defective_capability_files() -> None:
     (finding,) = findings("GP211", GO_THERE, defects=defects[:1])
     assert finding.message == "the capability files have a defect: a.yaml:1:1: wrong"
     assert findings("GP211", GO_THERE) == []
+
+
+@pytest.mark.parametrize(
+    ("file", "names", "concerned"),
+    [
+        ("", ("nav/Go",), True),  # the interface
+        ("", ("Go",), True),  # a file that could not be read, and is called so
+        ("", ("arm/Go",), False),
+        ("", ("Move",), False),
+        ("", (), True),  # nobody knows what it describes
+    ],
+)
+def test_a_defect_that_concerns_a_runner_of_the_plan_is_an_error(
+    file: str, names: tuple[str, ...], concerned: bool
+) -> None:
+    defect = FileDefect("a.yaml:1:1: wrong", file, names)
+    (finding,) = findings("GP211", GO_THERE, defects=[defect])
+    assert finding.severity is (Severity.ERROR if concerned else Severity.WARNING)
+    whose = "of runners of this plan " if concerned else ""
+    assert finding.message == f"the capability files {whose}have a defect: a.yaml:1:1: wrong"
 
 
 # -- all of them ----------------------------------------------------------------------------
