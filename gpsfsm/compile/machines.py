@@ -293,9 +293,7 @@ class _Reader:
         first = [starts[0], *runners]
         rest = [name for name in self.kinds if name not in set(first)]
         order: list[tuple[Any, NodeKind]] = [(name, self.kinds[name]) for name in (*first, *rest)]
-        for end in _ENDS:
-            if end not in self.kinds.values():
-                order.append((object(), end))
+        order += [(object(), end) for end in _ENDS if end not in self.kinds.values()]
         number = {name: index for index, (name, _) in enumerate(order)}
         elements = [Element(0, Kind.PLAN, -1, 1, tuple(range(1, len(order) + 1)), (), *self.whole)]
         paths = ["/machine"]
