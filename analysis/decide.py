@@ -210,7 +210,8 @@ def _by_configurations(deciders: Deciders) -> dict[str, Any]:
     outcomes = deciders.definitions.outcomes
     judge = Judge(Exploration(automaton, outcomes, limit=ALL_PLAYED, stepper=plain))
     facts = judge.facts()
-    orphans = {} if judge.tree else {"orphans": tuple(number for number, _ in facts.orphans)}
+    timed = judge.tree or deciders.clock is not None  # orders that durations rule out count here
+    orphans = {} if timed else {"orphans": tuple(number for number, _ in facts.orphans)}
     return orphans | {
         "completion": (facts.completes, facts.gives_up),
         "stuck": (facts.stuck, Frequency.NEVER, Frequency.NEVER),

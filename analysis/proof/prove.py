@@ -56,16 +56,8 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
         refutes = refutation.claims > claims or analysis.name in local
         decided[analysis.name] = By.Z3 if refutes else By.REPLAY
     purse = deciders.budget.deciding
-    missed: set[str] = set()
-    open_: set[By] = set()  # what is proved in this way remains unproved
-    try:
-        purse.require(_PER_NODE * witnesses.cost)
-        missed = witnesses.missed()
-    except InconclusiveError:
-        open_.add(By.REPLAY)
-    if missed:
-        names = ", ".join(sorted(missed))
-        raise InternalError(f"a run does not show what the structural pass says of: {names}")
+    # what is proved in this way remains unproved
+    open_: set[By] = set() if _replayed(witnesses, purse) else {By.REPLAY}
     try:
         refuted = _refuted(refutation.text(), deciders.options.rlimit, purse)
     except InconclusiveError:
@@ -83,6 +75,19 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
             if reason and analysis.matters(deciders.options):
                 unproved[analysis.name] = reason
     return Proof(decided, unproved)
+
+
+def _replayed(witnesses: Witnesses, purse: Purse) -> bool:
+    """True if all runs show what they are to show; False at a limit. Raises InternalError."""
+    try:
+        purse.require(_PER_NODE * witnesses.cost)
+        missed = witnesses.missed()
+    except InconclusiveError:
+        return False
+    if missed:
+        names = ", ".join(sorted(missed))
+        raise InternalError(f"a run does not show what the structural pass says of: {names}")
+    return True
 
 
 def _handed_in_by_units(

@@ -12,6 +12,7 @@ so a machine has places, paths, parameters and bindings as a plan has them.
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.compile.instants import immediate_causes
@@ -292,9 +293,7 @@ class _Reader:
         first = [starts[0], *runners]
         rest = [name for name in self.kinds if name not in set(first)]
         order: list[tuple[Any, NodeKind]] = [(name, self.kinds[name]) for name in (*first, *rest)]
-        for end in _ENDS:
-            if end not in self.kinds.values():
-                order.append((object(), end))
+        order += [(object(), end) for end in _ENDS if end not in self.kinds.values()]
         number = {name: index for index, (name, _) in enumerate(order)}
         elements = [Element(0, Kind.PLAN, -1, 1, tuple(range(1, len(order) + 1)), (), *self.whole)]
         paths = ["/machine"]
@@ -324,8 +323,7 @@ class _Reader:
             tuple(Edge(number[source], event, number[target]) for source, event, target in each)
             for each in (edges, stops)
         ]
-        marks = {name: self.graph.nodes[name].get(_MARKS, ()) for name in self.kinds}
-        marked = tuple(each for row in marks.values() for each in row)
+        marks = {number[name]: self.graph.nodes[name].get(_MARKS, ()) for name in self.kinds}
         return MachinePlan(
             self.file,
             sharing_lines(elements),
@@ -333,8 +331,8 @@ class _Reader:
             nodes=tuple(nodes),
             edges=connections[0],
             stops=connections[1],
-            approximations=tuple(dict.fromkeys((*self.approximations, *marked))),
-            inexact=frozenset(number[name] for name, row in marks.items() if row),
+            approximations=tuple(dict.fromkeys(chain(self.approximations, *marks.values()))),
+            inexact=frozenset(index for index, row in marks.items() if row),
         )
 
 

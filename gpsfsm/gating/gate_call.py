@@ -66,18 +66,17 @@ def gate(
     """Decide whether a plan may run. The verdict is true if it may.
 
     ``plan`` is a text, a ``pathlib.Path`` (a ``str`` is never a path), or a machine as a networkx
-    graph. A child process decides, and is killed after ``budget_ms`` milliseconds; with None, the
-    calling process decides, without a time limit. ``allow`` lists what plans may reach, under
-    ``program``, ``host`` and ``function``. The other options are those of ``gpsfsm gate``. For many
-    plans, use ``Gate``, which keeps its process. Raises UsageError for invalid options.
+    graph. A child process decides, and is killed after ``budget_ms`` milliseconds; with None, this
+    one decides, without a time limit. ``allow`` lists what plans may reach, under ``program``,
+    ``host`` and ``function``. For many plans, use ``Gate``. Raises UsageError for invalid options.
 
     >>> verdict = gate('<Plan><Runner interface="a/Go"/></Plan>', budget_ms=None)
     >>> bool(verdict), str(verdict), verdict.findings[0].rule
     (False, 'rejected: findings', 'GP107')
     """
     flags = {"allow_suppressions": allow_suppressions, "allow_empty": allow_empty}
-    flags |= {"allow_approximated": allow_approximated}
-    for name, value in {**flags, "allow_trees": allow_trees}.items():
+    flags |= {"allow_approximated": allow_approximated, "allow_trees": allow_trees}
+    for name, value in flags.items():
         if not isinstance(value, bool):
             raise misused("gate", f"True or False as {name}", value)
     check = CheckSettings.of(locals()).options()
@@ -85,8 +84,7 @@ def gate(
         raise UsageError(IDLE_IGNORE.format(codes=", ".join(ignore)[:100]))
     described = permitting(check.described, _permissions(allow))
     check = replace(check, task=_task(task), capabilities=described)
-    options = GateOptions(check, _severity(fail_on), **flags, allow_trees=allow_trees)
-    return _gate(plan, options, budget_ms)
+    return _gate(plan, GateOptions(check, _severity(fail_on), **flags), budget_ms)
 
 
 def _gate(

@@ -120,7 +120,7 @@ def test_a_scenario_that_does_not_replay_is_an_internal_error(
     text = f'<Plan>{GO}<Control type="recovery">{GO}</Control></Plan>'
     report = only(text)
     assert report.verdict is Verdict.UNDECIDED
-    assert "does not replay" in report.findings[-1].message + report.findings[0].message
+    assert "a run does not show" in report.findings[-1].message + report.findings[0].message
 
 
 def test_scenarios_are_limited_and_facts_are_not() -> None:

@@ -15,7 +15,8 @@ from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.report import Frequency
 from tests.analysis.machines.random_machines import PLAIN, automaton_of, machine, machines
 from tests.cases import many
-from tests.oracle.machines import TooLargeError, exact_facts
+from tests.oracle.machine_exact import exact_facts
+from tests.oracle.machines import TooLargeError
 
 if TYPE_CHECKING:
     import networkx as nx
