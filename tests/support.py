@@ -57,6 +57,7 @@ def facts_as_dict(facts: Facts | None) -> dict[str, Any] | None:
         return None
     fields = asdict(facts)
     assert fields.pop("engine") is fields.pop("machine") is None
+    assert fields.pop("precision") == {}, "plans are read exactly"
     for name in ("completes", "gives_up", "stuck"):
         fields[name] = str(fields[name])
     for name in ("unreachable", "orphans", "join_deadlocks"):

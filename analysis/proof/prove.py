@@ -29,9 +29,9 @@ _PER_CHARACTER = 10
 _PER_NODE = 3
 
 
-GUESSED = frozenset({"data_flow", "prompts"})
-"""Analyses whose runs are the simplest ones: a later failure may be what loses a value, so that
-these runs need not show it."""
+GUESSED = frozenset({"data_flow", "overlaps", "prompts"})
+"""Analyses whose runs are the simplest ones: a later failure may be what loses a value, or what
+brings two runners together, so that these runs need not show it."""
 
 
 def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:

@@ -175,6 +175,7 @@ def _from_json(
             if name not in places:
                 raise _TextError(f"a connection names the node {shown(name)}, which does not exist")
         data = {key: row[key] for key in row if key not in ("source", "target", "key")}
+        data.setdefault("action", "trigger")
         graph.add_edge(*ends, number)
         graph.edges[(*ends, number)].update(data)
     return graph, places, _unread_keys(text, whole)

@@ -210,12 +210,14 @@ _NOT_TEXT = "the finding explains why there is no verdict; it reports no fault o
 WITHOUT: Mapping[str, str] = {
     "GP103": "a text over a limit is not read",
     "GP117": "only the author knows what the machine is to do",
+    "GP119": "nothing is wrong, unless the author meant something else",
     "GP204": "only the author knows the value",
     "GP206": "only the author knows the value",
     "GP207": "only the author knows the value",
     "GP209": "no capability file names a replacement",
     "GP210": "a capability file is missing; the plan may be right",
     "GP213": "only the operator can give the permission",
+    "GP214": "only the operator knows which runner the leaf stands for",
     "GP211": "the capability file is wrong, not the plan",
     "GP301": "other rules report and fix what keeps the runner from running",
     "GP302": "only the author knows what else to try; a step that only logs would hide the failure",
@@ -264,6 +266,7 @@ WITHOUT: Mapping[str, str] = {
     "GP905": "under other options the comment may suppress something",
     "GP906": "the assumption is not in the plan",
     "GP907": "the assumption is not in the plan",
+    "GP908": "the option is not in the plan",
 }
 """Rules without fixes, and why."""
 

@@ -8,7 +8,6 @@ from encodings.aliases import aliases
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError, said
-from gpsfsm.generation.providers.address import ipv6_text
 from gpsfsm.runners.generic import number, text
 
 if TYPE_CHECKING:
@@ -187,7 +186,7 @@ def allowed_host(text: str) -> str:
         raise ValueError(f"there is no port {port}: ports go from 1 to 65535")
     if name.startswith("["):
         try:
-            name = host_name(ipv6_text(name[1:-1].partition("%")[0]))
+            name = host_name(_ipv6_text(name[1:-1].partition("%")[0]))
         except ValueError:
             raise ValueError(f"{name[:80]} is not an IPv6 address; {_HOW}") from None
         if "%" in text:
@@ -209,7 +208,7 @@ def _why(text: str) -> str:
         fits = host and host != text.lower() and _is_host(host)
         return f"it is more than a host; {f'write {host}' if fits else _HOW}"
     try:
-        return f"write [{ipv6_text(text)}], with brackets"
+        return f"write [{_ipv6_text(text)}], with brackets"
     except ValueError:
         pass
     if not text.isascii():
@@ -230,7 +229,7 @@ def host_name(name: str) -> str:
     if ":" not in name:
         return name
     try:
-        return f"[{ipv6_text(name)}]"
+        return f"[{_ipv6_text(name)}]"
     except ValueError:
         return f"[{name}]"
 
@@ -251,3 +250,10 @@ def shown(url: str, limit: int = 200) -> str:
         rest = "***@" + rest.rpartition("@")[2]
     path, mark, _ = rest.partition("?")
     return f"{head}{slashes}{path}{'?***' if mark else ''}"[:limit]
+
+
+def _ipv6_text(text: str) -> str:
+    """An address in its one spelling; what providers of models use is loaded for these alone."""
+    from gpsfsm.generation.providers.address import ipv6_text
+
+    return ipv6_text(text)

@@ -67,7 +67,7 @@ def test_a_baseline_can_be_renewed_in_place(tmp_path: Path) -> None:
         (None, "cannot be read: No such file"),
         ("", "it is not JSON"),
         ("{}", "a field 'version' is missing"),
-        ('{"version": 3, "plans": []}', "its version is 3"),
+        ('{"version": 4, "plans": []}', "its version is 4"),
     ],
 )
 def test_a_baseline_that_is_none(content: str | None, words: str, tmp_path: Path) -> None:

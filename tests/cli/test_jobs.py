@@ -131,15 +131,15 @@ def test_never_more_workers_than_plans(tmp_path: Path, monkeypatch: pytest.Monke
     hired: list[int] = []
     real = Processes.__init__
 
-    def hire(engine: Processes, size: int) -> None:
+    def hire(engine: Processes, size: int, **options: float | None) -> None:
         hired.append(size)
-        real(engine, size)
+        real(engine, size, **options)
 
     monkeypatch.setattr(Processes, "__init__", hire)
     write(tmp_path, a=ACCEPTED, b=ACCEPTED)
     assert main(["check", ".", "--jobs", "200"]) == 0
     assert main(["check", "a.xml", "--jobs", "200"]) == 0
-    assert hired == [2]
+    assert hired == [2, 1]  # each check of a process has its time limit
 
 
 def test_grades_do_not_depend_on_jobs(tmp_path: Path) -> None:

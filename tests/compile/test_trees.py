@@ -142,7 +142,7 @@ def test_what_is_lost_in_a_tree_that_does_not_run_is_no_matter() -> None:
         "<ReactiveFallback><AlwaysFailure/><A/></ReactiveFallback>",
         "<SequenceWithMemory><A/></SequenceWithMemory>",
         '<Delay delay_msec="100"><A/></Delay>',
-        '<Sequence><SetBlackboard value="1" output_key="k"/><A _onSuccess="k:=2"/></Sequence>',
+        '<Sequence><SetBlackboard value="1" output_key="k"/><A _onSuccess="n:=2"/></Sequence>',
     ],
 )
 def test_what_makes_no_difference_is_read(body: str) -> None:
@@ -191,12 +191,12 @@ def test_a_parallel_halts_so_nothing_waits_or_is_left_behind() -> None:
     assert len(report.facts.orphans) == 2
 
 
-def test_children_of_a_parallel_are_started_whatever_the_one_before_does() -> None:
-    text = tree("<Parallel><A/><B/></Parallel>")
+def test_the_fault_no_start_has_no_effect_on_a_tree() -> None:
+    text = tree("<Parallel><A/><B/></Parallel>")  # whose children are started in any case
     options = CheckOptions(analysis=AnalysisOptions(faults=("no-start",)))
-    facts = check_text(text, "t.xml", options).facts
-    assert facts is not None
-    assert facts.stuck.value == "never"
+    report = check_text(text, "t.xml", options)
+    assert report.facts is None
+    assert "GP908" in {finding.rule for finding in report.findings}
 
 
 def test_the_fingerprint_tells_trees_apart_and_forgets_names() -> None:

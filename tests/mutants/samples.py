@@ -29,6 +29,8 @@ _REPORTING = (
     "checking/check.py",
     "analysis/machines/findings.py",
     "checking/engine_check.py",
+    "checking/approximations.py",
+    "analysis/machines/runners.py",
     "compile",
     "equivalence",
     "checking/selection.py",

@@ -169,7 +169,7 @@ def test_a_run_from_its_beginning_to_its_end() -> None:
 
 
 def test_a_node_that_is_skipped_is_idle() -> None:
-    text = whole('<Sequence><A0 _skipIf="a"/><A1/></Sequence>')
+    text = whole('<Sequence><A0 _skipIf="1 == 1"/><A1/></Sequence>')
     followed = Followed(text)
     assert followed.shown == {1: RUNNING, 2: IDLE, 3: IDLE}  # a choice: nobody knows the value
     followed.end(CHOICE, "SUCCESS")
@@ -177,7 +177,7 @@ def test_a_node_that_is_skipped_is_idle() -> None:
     followed = Followed(text)
     followed.end(CHOICE, "FAILURE")
     assert followed.shown == {1: RUNNING, 2: RUNNING, 3: IDLE}
-    followed = Followed(whole('<Fallback><A0 _failureIf="a"/><A1/></Fallback>'))
+    followed = Followed(whole('<Fallback><A0 _failureIf="1 == 1"/><A1/></Fallback>'))
     followed.end(CHOICE, "SUCCESS")
     assert followed.shown == {1: RUNNING, 2: FAILURE, 3: RUNNING}
 
