@@ -27,7 +27,7 @@ from gpsfsm.model.printable import clip
 from gpsfsm.strict_json import strict_loads
 from gpsfsm.syntax import Parsed
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits, read_source
-from gpsfsm.syntax.text import Lines, root_name
+from gpsfsm.syntax.text import Lines, is_json, root_name
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
@@ -37,10 +37,8 @@ if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.tree import TreeNode
 
-_JSON = pattern(r"\s*+\{")
 _START = pattern(r'"id"\s*+:\s*+"__start__"')
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
-_XSI = "{http://www.w3.org/2001/XMLSchema-instance}"
 _MAX_NAME = 60
 _BLANK = pattern(r"[ \t\r\n]*")
 _ROWS = pattern(r'"nodes"[ \t\r\n]*:[ \t\r\n]*\[')
@@ -105,11 +103,6 @@ def _is_machine(text: str) -> bool:
     if is_json(text):
         return '"nodes"' in text and '"edges"' in text and not has_start(text)
     return root_name(text).rpartition(":")[2] == "graphml"
-
-
-def is_json(text: str) -> bool:
-    """True for what begins as a JSON object."""
-    return _JSON.match(text) is not None
 
 
 def has_start(text: str) -> bool:

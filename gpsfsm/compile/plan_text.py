@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.late import pattern
 from gpsfsm.model.finding import Problem
 from gpsfsm.model.plan import Location
 from gpsfsm.syntax import DEFAULT_LIMITS, Limits, Parsed, parse
 from gpsfsm.syntax.source import read_source
-from gpsfsm.syntax.text import root_name
+from gpsfsm.syntax.text import is_json, root_name
 from gpsfsm.syntax.tree import OF_PLANS
 
 if TYPE_CHECKING:
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 _EXTRACTED = "GP115"
 _LOST = "GP813"
 _OF_ALL_FILES = ("GP801", "GP802")
-_JSON = pattern(r"\s*+\{")
 _PLANS = ("", "Plan", "Control", "Runner", "root", "BehaviorTree")
 _BUILDERS = {
     "langgraph": (
@@ -81,7 +79,7 @@ def machine_in(
     decoded = read_source(text, limits).text
     if decoded is None:
         return None
-    python, json = file.endswith(".py"), _JSON.match(decoded) is not None
+    python, json = file.endswith(".py"), is_json(decoded)
     root = "" if python or json else root_name(decoded).rpartition(":")[2]
     if json or root == "graphml":
         from gpsfsm.compile.machine_files import read_machine  # loads networkx

@@ -53,6 +53,11 @@ def root_name(text: str) -> str:
     return "" if first is None else first["name"]
 
 
+def is_json(text: str) -> bool:
+    """True for what begins as a JSON object."""
+    return text.lstrip().startswith("{")
+
+
 def strip(text: str) -> str:
     r"""``text`` without the XML white space around it.
 

@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile.formats import Format
 from gpsfsm.compile.formats.elements import problem
-from gpsfsm.compile.machine_files import has_start, is_json
+from gpsfsm.compile.machine_files import has_start
 from gpsfsm.compile.machines import Place, machine_of, mark
 from gpsfsm.model.capability import CHOICE
 from gpsfsm.model.plan import Location
 from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 from gpsfsm.strict_json import strict_loads
-from gpsfsm.syntax.text import Lines
+from gpsfsm.syntax.text import Lines, is_json
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator

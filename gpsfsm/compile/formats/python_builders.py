@@ -6,6 +6,7 @@ libraries do: what the program does to them later changes the machine.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, TypeGuard
@@ -59,7 +60,6 @@ _SIGNATURES: Final[Mapping[str, tuple[str, ...]]] = {
         *("label", "state", "connector_outcomes", "transitions", "remapping", "constants"),
     ),
 }
-_BY_STATE = {"PriorityContainer", "ConcurrencyContainer"}
 _SKIPPED = ("remapping", "autonomy", "constants", *_KEYS)
 HARMLESS_METHODS = frozenset(
     {"execute", "async_execute", "request_preempt", "preempt_requested", "service_preempt"}
@@ -114,7 +114,7 @@ class Entry:
     preempts: bool = False
 
 
-class Builder:
+class Builder(ABC):
     """The containers of a program. The interpreter says of each call where it is."""
 
     def __init__(self) -> None:
@@ -127,21 +127,21 @@ class Builder:
         self.notes: dict[tuple[str, Cause], Approximation] = {}
         self.copies = 0
 
+    @abstractmethod
     def fault(self, node: ast.AST, message: str, hint: str) -> None:
         """Refuse the program, at a place."""
-        raise NotImplementedError
 
+    @abstractmethod
     def place(self, node: ast.AST) -> Place:
         """The place of a node of the syntax tree."""
-        raise NotImplementedError
 
+    @abstractmethod
     def later(self, value: Any) -> None:
         """A value may be a function that is called later."""
-        raise NotImplementedError
 
+    @abstractmethod
     def certain(self, value: Any) -> bool:
         """True if the program gets here wherever it makes a value."""
-        raise NotImplementedError
 
     def note(self, reading: Reading, construct: str, node: ast.AST | Place, cause: Cause) -> None:
         """Something that is skipped or assumed; of each kind, the first place is enough."""

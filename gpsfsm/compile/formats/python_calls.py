@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+from abc import abstractmethod
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -84,13 +85,13 @@ class Calls(Effects):
         self.strangers = False  # another file may give names that are not seen
         self.depth = self.values = self.constructing = 0
 
+    @abstractmethod
     def block(self, body: Sequence[ast.stmt], scope: Scope) -> None:
         """Follow statements."""
-        raise NotImplementedError
 
+    @abstractmethod
     def assign(self, target: ast.expr, value: Any, scope: Scope) -> None:
         """Follow an assignment."""
-        raise NotImplementedError
 
     # -- expressions ------------------------------------------------------------------------
 

@@ -38,18 +38,6 @@ if TYPE_CHECKING:
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.source import Limits
 
-_STATES = ("state", "parallel", "final")
-_REFUSED: Final = {
-    "history": "what was active before decides where it goes on",
-    "script": "gpsfsm runs no scripts",
-    "send": "events that a machine sends are not followed",
-    "raise": "events that a machine raises are not followed",
-    "invoke": "what is invoked is another machine",
-    "if": "gpsfsm runs no scripts",
-    "foreach": "gpsfsm runs no scripts",
-    "cancel": "events that a machine sends are not followed",
-}
-_PASSED = ("datamodel", "data", "onentry", "onexit", "log", "assign", "initial", "transition")
 _EVENTLESS: Final = "transition without event"
 _LONGEST: Final = 200
 Signal = tuple[str, Event]
