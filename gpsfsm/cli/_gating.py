@@ -50,23 +50,19 @@ class GateValues(CheckValues, FailValues):
     def gate_options(self) -> GateOptions:
         """The options of a gate. Raises UsageError and ConfigError."""
         from gpsfsm.gating import GateOptions
-        from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT, permitting
+        from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT, options_with, permitting
         from gpsfsm.model.finding import Severity
 
         total = self.total_rlimit or DEFAULT_TOTAL_RLIMIT
         check = replace(self, select=(), total_rlimit=total).options()
-        if self.task is not None:
-            from gpsfsm.tasks.load import load_task
-
-            check = replace(check, task=load_task(self.task))
-        return GateOptions(
+        options = GateOptions(
             check=replace(check, capabilities=permitting(check.described, reached(self))),
             fail_on=severity_of(self.fail_on) or Severity.ERROR,
             allow_suppressions=self.allow_suppressions,
             allow_empty=self.allow_empty,
             allow_approximated=self.allow_approximated,
-            allow_trees=self.allow_trees,
         )
+        return options_with(options, task=self.task, robot=None, allow_trees=self.allow_trees)
 
     def refuse_idle(self) -> None:
         """Raise UsageError for rules that are ignored and would refuse nothing anyway."""
@@ -134,9 +130,8 @@ def strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is refused."""
     trees = declare("--allow-trees", is_flag=True, common=True, help="Accept behaviour trees too.")
     text = "Accept errors that only an over-approximation has."
-    approximated = declare("--allow-approximated", is_flag=True, help=text)
-    rows = (*_STRICTNESS[:4], trees, approximated, *_STRICTNESS[4:])
-    return apply(rows, command, "What is refused")
+    doubtful = declare("--allow-approximated", is_flag=True, help=text)
+    return apply((*_STRICTNESS[:4], trees, doubtful, *_STRICTNESS[4:]), command, "What is refused")
 
 
 def plan_strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:

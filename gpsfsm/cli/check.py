@@ -245,8 +245,7 @@ def _check_all(
     else:
         from gpsfsm.checking.parallel import check_inputs, limit_of
 
-        limit_s = limit_of(jobs, limit_s)
-        reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=limit_s)
+        reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=limit_of(jobs, limit_s))
     if values.quiet:
         yield from reports
         return

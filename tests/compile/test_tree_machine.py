@@ -63,8 +63,11 @@ def test_the_real_engine_keeps_to_the_ties_of_conditions(batch: int) -> None:
 @pytest.mark.parametrize("batch", batches(8))
 def test_nodes_that_the_engine_lacks_do_what_the_machine_can_do(batch: int) -> None:
     for seed in range(20 * batch, 20 * batch + 20):
-        parted, _ = ticks.disagreement(seed, runs=3)
+        parted, labels = ticks.disagreement(seed, runs=3)
         assert not parted, (seed, parted)
+        errors = {label for label in labels if label.startswith("GP")}
+        assert errors <= {"GP301"}, seed  # a leaf that no run reaches
+        assert (Verdict.REJECTED.value in labels) is bool(errors)
 
 
 def test_a_reactive_sequence_asks_again_and_halts() -> None:

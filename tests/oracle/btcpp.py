@@ -21,7 +21,8 @@ from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.compile.tree_machine import machine_of_tree
 from gpsfsm.model.capability import CHOICE, TICK
-from gpsfsm.model.report import Frequency
+from gpsfsm.model.finding import Severity
+from gpsfsm.model.report import Frequency, Verdict
 from gpsfsm.syntax.source import DEFAULT_LIMITS
 from gpsfsm.syntax.trees import read_trees
 from tests.oracle.random_trees import RandomTree
@@ -256,6 +257,8 @@ def compared(
         return "there is no machine", []
     (report,) = gpsfsm.check(text, consistent=consistent).plans
     labels = ["exact" if not machine.approximations else "approximated", report.verdict.value]
+    if report.verdict is Verdict.REJECTED:
+        labels += sorted({each.rule for each in report.findings if each.severity is Severity.ERROR})
     if report.facts is not None and report.facts.stuck is not Frequency.NEVER:
         return f"it is stuck\n{text}", labels
     for number in range(runs):

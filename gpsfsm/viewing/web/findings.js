@@ -230,8 +230,8 @@ function headOf(store, finding, number, id, isOpen) {
     el("span", { class: "rule-code" }, finding.rule),
     el("span", { class: "rule-name", title: rule ? rule.summary : "" }, rule ? rule.name : ""),
     finding.suppressed && el("span", { class: "tag" }, "suppressed"),
-    finding.confidence === "heuristic" && el("span", { class: "tag" }, "heuristic"),
-    finding.confidence === "may" && el("span", { class: "tag" }, "not proved"),
+    finding.confidence !== "proved" &&
+      el("span", { class: "tag" }, finding.confidence === "may" ? "not proved" : "heuristic"),
     el("span", { class: "finding-line" }, place),
     el("span", { class: "finding-message" }, visibleText(finding.message)),
   );

@@ -167,6 +167,5 @@ export function recordSentence(plan, record, count = 0) {
 
 // "sometimes", or "may" where only an over-approximation does it, "sometimes or always"
 export function frequency(facts, name) {
-  const words = { may: "may", can: "sometimes or always" };
-  return words[(facts.precision || {})[name]] || facts[name] || "";
+  return { may: "may", can: "sometimes or always" }[facts.precision?.[name]] || facts[name] || "";
 }
