@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
+from gpsfsm.analysis.rules import OPEN_IN_GATES
+from gpsfsm.analysis.rules.gp2xx_names import UNBOUND_LEAF
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
 from gpsfsm.compile import MachinePlan
@@ -165,7 +167,7 @@ class Admission:
         report = self.check(content, name, options)
         simulated = self._base.mode != REAL  # what acts for real follows the gate
         gate = GateOptions(options, allow_approximated=simulated, allow_trees=options.trees)
-        reason, why = reason_of(report, gate)
+        reason, why = reason_of(_simulated(report) if simulated else report, gate)
         if reason is not Reason.PASSED and not (self._force or self._silent):
             whole = "tree" if options.trees and holds_trees(as_text(content)) else "plan"
             refused = _refused(report, reason, why, whole)
@@ -277,19 +279,35 @@ def _errors(report: PlanReport) -> tuple[Finding, ...]:
     return tuple(finding for finding in every if finding.severity is Severity.ERROR)
 
 
+def _doubts(report: PlanReport) -> tuple[Finding, ...]:
+    """The findings that leave a gate undecided, though none is an error."""
+    every = (*report.findings, *report.suppressed)
+    return tuple(
+        each for each in every if each.rule in OPEN_IN_GATES or each.if_proved is Severity.ERROR
+    )
+
+
 def _errors_alone(report: PlanReport) -> PlanReport:
     return replace(report, findings=_errors(report), suppressed=())
 
 
+def _simulated(report: PlanReport) -> PlanReport:
+    """The report without what is open on the robot alone: a simulation draws how leaves end."""
+    bound = tuple(each for each in report.findings if each.rule != UNBOUND_LEAF.code)
+    return replace(report, findings=bound)
+
+
 def _refused(report: PlanReport, reason: Reason, why: str, whole: str) -> Refused:
     """The errors are for the journal and for the runner that has submitted the plan."""
+    errors = _errors(report)
     lines = tuple(
         f"{finding.rule} at {finding.location.words}: {finding.message}"
-        for finding in _errors(report)[:_MOST]
+        for finding in (errors or _doubts(report))[:_MOST]
     )
+    because = "" if errors else f" ({'; '.join((why, *lines[:1]))})"
     texts = {
         Reason.FINDINGS: f"the {whole} has errors",
-        Reason.INCONCLUSIVE: f"the {whole} is undecided{'' if lines else f' ({why})'}",
+        Reason.INCONCLUSIVE: f"the {whole} is undecided{because}",
     }
     message = f"{report.path}: {texts.get(reason, why)}, so it is not run"
     return Refused(lines or (why,), reason.exit_code, message, _errors_alone(report))

@@ -244,3 +244,14 @@ def test_a_scenario_of_a_machine_is_refused_as_such(tmp_path: Path) -> None:
     refused = run("run", file, "--scenario", "report.json", cwd=tmp_path)
     assert refused.returncode == 2
     assert b"a scenario of a machine has outcomes for each visit" in refused.stderr
+
+
+def test_a_leaf_of_no_runner_is_drawn_in_a_simulation_but_never_acts(tmp_path: Path) -> None:
+    (tmp_path / "t.xml").write_text(tree("<Look/>", '<Wait wait_duration="1"/>'), encoding="utf-8")
+    drawn = run("run", "t.xml", "--robot", PROFILE, "--seed", "1", cwd=tmp_path)
+    assert drawn.returncode == 0, drawn.stderr
+    assert "Look started" in drawn.stdout.decode()
+    real = run("run", "t.xml", "--robot", PROFILE, "--real", cwd=tmp_path)
+    assert real.returncode == 2
+    assert "the leaf 'Look' stands for no runner on the robot 'nav2'" in real.stderr.decode()
+    assert not real.stdout
