@@ -7,6 +7,7 @@ from gpsfsm.model.finding import Severity
 
 MOVE_TO = '<Action ID="MoveTo"><input_port name="location"/></Action>'
 """The model of a node that drives somewhere."""
+_ACTIONS = '<Action ID="Drive"/><Action ID="Grasp"/><Condition ID="Clear"/>'
 
 
 def tree(main: str, /, *, model: str = "", **others: str) -> str:
@@ -18,6 +19,10 @@ def tree(main: str, /, *, model: str = "", **others: str) -> str:
     )
     models = f"    <TreeNodesModel>\n        {model}\n    </TreeNodesModel>\n" if model else ""
     return f'<root BTCPP_format="4" main_tree_to_execute="Main">\n{trees}{models}</root>\n'
+
+
+def _of_3(text: str) -> str:
+    return text.replace('BTCPP_format="4"', 'BTCPP_format="3"')
 
 
 RULES = (
@@ -282,10 +287,8 @@ RULES = (
             "one may never end. A reactive node is meant for conditions followed by one action."
         ),
         fix="put conditions before one child that acts, or use Sequence or Fallback",
-        bad=tree('<ReactiveSequence><Action ID="Drive"/><Action ID="Grasp"/></ReactiveSequence>'),
-        good=tree(
-            '<ReactiveSequence><Condition ID="Clear"/><Action ID="Drive"/></ReactiveSequence>'
-        ),
+        bad=tree("<ReactiveSequence><Drive/><Grasp/></ReactiveSequence>", model=_ACTIONS),
+        good=tree("<ReactiveSequence><Clear/><Drive/></ReactiveSequence>", model=_ACTIONS),
     ),
     Rule(
         code="GP820",
@@ -383,5 +386,63 @@ RULES = (
         fix="write the name as BehaviorTree.CPP spells it, with its capitals",
         bad=tree('<DriveHome _skipif="battery &lt; 20"/>'),
         good=tree('<DriveHome _skipIf="battery &lt; 20"/>'),
+    ),
+    Rule(
+        code="GP825",
+        name="explicit-reactive-child",
+        severity=Severity.ERROR,
+        summary="A child of a ReactiveSequence is written in the explicit form.",
+        why=(
+            "From version 4.7.0 on, BehaviorTree.CPP looks up the tag of each child of a "
+            "ReactiveSequence among its nodes. Action, Condition, Decorator and Control are none, "
+            "so it refuses the file. Deeper nodes, and those in other nodes, may have that form. "
+            "Leaves under the full names of runners are not reported: only gpsfsm runs them."
+        ),
+        fix="write the name of the node as its tag",
+        bad=tree('<ReactiveSequence><Condition ID="Clear"/><Drive/></ReactiveSequence>'),
+        good=tree("<ReactiveSequence><Clear/><Drive/></ReactiveSequence>"),
+    ),
+    Rule(
+        code="GP826",
+        name="duplicate-subtree-name",
+        severity=Severity.ERROR,
+        summary="Two SubTree nodes of a tree have the same name.",
+        why=(
+            "The name of a SubTree node is its path in the whole tree. From version 4.8.4 on, "
+            "BehaviorTree.CPP refuses a tree in which a path occurs twice."
+        ),
+        fix="give each SubTree a name of its own, or no name",
+        bad=tree(
+            '<Sequence><SubTree ID="Dock" name="dock"/><SubTree ID="Dock" name="dock"/></Sequence>',
+            Dock="<DriveToDock/>",
+        ),
+        good=tree(
+            '<Sequence><SubTree ID="Dock" name="dock"/><SubTree ID="Dock"/></Sequence>',
+            Dock="<DriveToDock/>",
+        ),
+    ),
+    Rule(
+        code="GP827",
+        name="braces-in-key",
+        severity=Severity.WARNING,
+        summary="A port of a SubTree in format 3 has the name of a key in braces.",
+        why=(
+            "In BehaviorTree.CPP 3 a SubTree takes the whole value of a port for the name of a "
+            "key, so that {goal} is a key called '{goal}', which nothing else can write. What "
+            "reads the port inside the SubTree fails."
+        ),
+        fix="write the key without braces, or use SubTreePlus",
+        bad=_of_3(
+            tree(
+                '<Sequence><Find goal="{spot}"/><SubTree ID="Go" to="{spot}"/></Sequence>',
+                Go='<Drive goal="{to}"/>',
+            )
+        ),
+        good=_of_3(
+            tree(
+                '<Sequence><Find goal="{spot}"/><SubTree ID="Go" to="spot"/></Sequence>',
+                Go='<Drive goal="{to}"/>',
+            )
+        ),
     ),
 )

@@ -560,8 +560,8 @@ def scope_of(node: TreeNode, outer: Scope, version: int) -> Scope:
             continue
         if text.strip() == "{=}":
             text = f"{{{name}}}"
-        elif version == 3 and node.tag == "SubTree" and not is_reference(text):
-            text = f"{{{text.strip()}}}"
+        elif version == 3 and node.tag == "SubTree":
+            text = f"{{{text.strip()}}}"  # of {goal}: a key with braces in its name
         texts[name] = outer.text(text)
     return Scope(texts, outer if shared else None)
 

@@ -411,12 +411,13 @@ async def set_plan(
     it, also where nothing could be decided.
     """
     trees = "<root" in text or "<BehaviorTree" in text  # a gate of plans alone is cheaper
-    body = json.dumps({"plan": text, "name": name, "trees": trees}).encode()
-    answered = await core.pool.do("gate", body, client=client)
+    simulated = not core.settings.real
+    wanted = {"plan": text, "name": name, "trees": trees, "allow_approximated": simulated}
+    answered = await core.pool.do("gate", json.dumps(wanted).encode(), client=client)
     answer = strict_loads(answered.body)
     if answered.status != 200:
         raise Problem(answered.status, answer["detail"])
-    if answer["verdict"] != "accepted":
+    if answer["verdict"] != "accepted" and not (simulated and _is_left_open(answer)):
         findings = [_line(each) for each in answer["findings"][:_MOST_FINDINGS]]
         word, code = status_of("REFUSED", findings)
         raise Problem(
@@ -435,6 +436,13 @@ async def set_plan(
     if state["status"] == "REFUSED":  # by the process that would have run it
         raise Problem(422, "the plan is refused: " + "; ".join(state["findings"]))
     return state
+
+
+def _is_left_open(answer: dict[str, Any]) -> bool:
+    """True if only a robot leaves open what leaves do; the queue decides on the rest once more."""
+    errors = [each for each in answer["findings"] if each["severity"] == "error"]
+    left = [each for each in answer["findings"] if each["rule"] == "GP214"]
+    return bool(left) and answer["reason"] == "inconclusive" and not errors
 
 
 def _line(finding: dict[str, Any]) -> str:

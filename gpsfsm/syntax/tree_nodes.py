@@ -155,6 +155,7 @@ class NodeRules:
 
     def check(self, top: TreeNode) -> None:
         """Report what is wrong in a tree."""
+        self._names: dict[str, TreeNode] = {}  # of the SubTree nodes of this tree
         if len(top.children) != 1:
             hint = "put the nodes into a <Sequence>" if top.children else "add a node to it"
             self._count(top, "a tree has exactly one child", hint)
@@ -183,6 +184,8 @@ class NodeRules:
             self._custom(node, name)
             return
         self._children(node, name, builtin)
+        if name == "ReactiveSequence" and self.version == 4:
+            self._explicit(node)
         if builtin.version and self.version and builtin.version != self.version:
             message = f"BehaviorTree.CPP {self.version} has no node <{name}>"
             hint = f"it belongs to version {builtin.version}: {_other_name(name)}"
@@ -259,7 +262,43 @@ class NodeRules:
             needed = _many(least) if least == most else f"{least} to {_many(most)}"
             self._count(node, f"{_a(name)} has {needed}", "add or remove children")
 
+    def _explicit(self, node: TreeNode) -> None:
+        """Report children of a ReactiveSequence whose tags are no nodes to the engine."""
+        for child in (self.nodes[each] for each in node.children):
+            # The full name of a runner is no tag: such a file is for gpsfsm's own executor.
+            if child.explicit and child.identity and "/" not in child.identity:
+                message = (
+                    f"BehaviorTree.CPP refuses this <{child.tag}> with an ID right inside a "
+                    "ReactiveSequence (from 4.7.0 on): it looks for a node of that name"
+                )
+                hint = f"write <{child.identity}> instead, or put it into a <Sequence>"
+                self._tell("GP825", child, message, hint)
+
+    def _paths(self, node: TreeNode) -> None:
+        """Report what two SubTree nodes of a tree cannot have alike, and what names no key."""
+        name = node.text("name")
+        first = self._names.setdefault(name, node) if name and self.version == 4 else node
+        if first is not node:
+            where = line_words(f"line {first.line}", first.file)
+            message = (
+                f"the SubTree on {where} has the name '{clip(name)}', too: BehaviorTree.CPP "
+                "refuses that (from 4.8.4 on)"
+            )
+            self._tell("GP826", node, message, "choose another name, or leave it out")
+        if self.version != 3 or node.tag != "SubTree":
+            return
+        for each in node.attributes:
+            if is_reference(each.text) and not each.name.startswith("_"):
+                message = (
+                    f"in format 3 '{clip(each.text)}' is a key with braces in its name, which "
+                    "nothing writes"
+                )
+                key = clip(each.text.strip()[1:-1])
+                hint = f'write {each.name}="{key}" for the key {key}, or use <SubTreePlus>'
+                tell(self.collector, "GP827", node, message=message, hint=hint, at=each)
+
     def _subtree(self, node: TreeNode) -> None:
+        self._paths(node)
         name = node.text("ID")
         if not name:
             message = f"this <{node.tag}> has no ID, so it names no tree"

@@ -122,7 +122,7 @@ EXACT_TREES = [
     '<Repeat num_cycles="-1"><IfThenElse><B/><C/><D/></IfThenElse></Repeat>',
     '<RetryUntilSuccessful num_attempts="8"><A/></RetryUntilSuccessful>',
     "<KeepRunningUntilFailure><A/></KeepRunningUntilFailure>",
-    '<ReactiveSequence><Condition ID="A"/><B/></ReactiveSequence>',
+    "<ReactiveSequence><IsBatteryLow/><B/></ReactiveSequence>",
     '<WhileDoElse><Condition ID="A"/><B/><C/></WhileDoElse>',
     "<SequenceWithMemory><A/><B/></SequenceWithMemory>",
     '<RoundRobin wrap_around="true"><A/><B/></RoundRobin>',

@@ -71,10 +71,10 @@ def test_nodes_that_the_engine_lacks_do_what_the_machine_can_do(batch: int) -> N
 
 
 def test_a_reactive_sequence_asks_again_and_halts() -> None:
-    machine = machine_of('<ReactiveSequence><Condition ID="Clear"/><Drive/></ReactiveSequence>')
+    machine = machine_of("<ReactiveSequence><IsBatteryLow/><Drive/></ReactiveSequence>")
     assert not machine.approximations
     names = [runner.interface for runner in machine.runners]
-    assert names == ["Clear", "Clear", "Drive"]
+    assert names == ["IsBatteryLow", "IsBatteryLow", "Drive"]
     automaton = machine.automaton
     clear, watch, drive = (automaton.runner_node(number) for number in range(3))
     edges = {(source, event.value, target) for source, event, target in automaton.edges}
@@ -86,7 +86,7 @@ def test_a_reactive_sequence_asks_again_and_halts() -> None:
         (drive, "SUCCEEDED", watch),
         (drive, "FAILED", watch),
     }
-    facts = facts_of('<ReactiveSequence><Condition ID="Clear"/><Drive/></ReactiveSequence>')
+    facts = facts_of("<ReactiveSequence><IsBatteryLow/><Drive/></ReactiveSequence>")
     assert facts.machine is not None
     assert facts.machine.endless is Frequency.NEVER
     assert facts.fewest_failures_to_give_up == 1

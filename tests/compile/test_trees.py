@@ -239,3 +239,17 @@ def test_a_parallel_all_that_cannot_count_is_refused() -> None:
     facts = check_text(at_once, "t.xml", CheckOptions()).facts
     assert facts is not None
     assert facts.completes.value == "never"
+
+
+def test_braces_in_format_3_are_part_of_the_key_of_a_subtree() -> None:
+    def goal(tag: str, text: str) -> str:
+        whole = f"""<root BTCPP_format="3" main_tree_to_execute="Main"><BehaviorTree ID="Main">
+        <Sequence><{tag} ID="Go" to="{text}"/><Beep/></Sequence></BehaviorTree>
+        <BehaviorTree ID="Go"><Roll goal="{{to}}"/></BehaviorTree></root>"""
+        plan = read_plan(whole).plan
+        assert plan is not None
+        return plan.runners[0].text("goal")
+
+    assert goal("SubTree", "spot") == goal("SubTreePlus", "{spot}") == "{spot}"
+    assert goal("SubTree", "{spot}") == "{{spot}}"
+    assert goal("SubTreePlus", "spot") == "spot"

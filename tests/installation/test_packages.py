@@ -123,7 +123,7 @@ def test_the_wheel_works_where_nothing_else_is(released: Released, tmp_path: Pat
     call(python, "-c", "import gpsfsm.analysis, gpsfsm.grammars, gpsfsm.runners")
     call(python, "-c", "import analysis", expect=1)
     report = call(gpsfsm, "check", PLAN, "--format", "json")
-    assert re.search(r'"version": ?2', report)
+    assert re.search(r'"version": ?3', report)
     assert '"GP210"' not in report, "it knows none of the runners that it comes with"
     call(gpsfsm, "capabilities", "show", "WaypointRunner")
     call(python, "-c", "from gpsfsm.grammars import relax_ng; relax_ng()")

@@ -34,7 +34,7 @@ def test_what_tells_runners_apart_comes_first(written: str, named: str) -> None:
 
 def test_a_node_of_a_tree_is_labelled_with_its_action_and_the_number_of_its_use() -> None:
     tree = """<root BTCPP_format="4"><BehaviorTree ID="Main"><ReactiveSequence>
-    <Action ID="Speak" text="hello"/>
+    <Speak text="hello"/>
     <RetryUntilSuccessful num_attempts="2"><Action ID="MoveBase" name="home" x="1"/>
     </RetryUntilSuccessful></ReactiveSequence></BehaviorTree></root>"""
     plan = read_plan(tree).plan

@@ -28,7 +28,6 @@ SIMPLE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Fallback>
   <IsBatteryLow/> <Sequence> <Wait wait_duration="1"/> <Spin spin_dist="1"/> </Sequence>
 </Fallback></BehaviorTree></root>"""
 PATROL = (REPO / "corpus" / "rules" / "GP816" / "pass-reactive.xml").read_text(encoding="utf-8")
-PATROL = PATROL.replace("BatteryOk", "GoalUpdated").replace("<Patrol", "<Wait")
 """It never completes: it goes on until it fails, or until somebody cancels it."""
 WRONG = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Inverter/></BehaviorTree></root>'
 DRIVE = """<root BTCPP_format="4">
@@ -74,7 +73,7 @@ def run_of(client: httpx.Client, plan: str) -> dict[str, Any]:
     return answer
 
 
-@pytest.mark.parametrize("tree", [SIMPLE, DEPOT], ids=["a plan", "a machine"])
+@pytest.mark.parametrize("tree", [SIMPLE, GRASP, DEPOT], ids=["a plan", "of no robot", "a machine"])
 def test_a_tree_runs_and_its_events_name_its_nodes(client: httpx.Client, tree: str) -> None:
     plan = begin(client, tree, world="depot", seed=1)
     assert ended(client, plan)["status"] in ("COMPLETED", "GAVE_UP")
