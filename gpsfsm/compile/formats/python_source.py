@@ -402,7 +402,11 @@ class Source(Calls):
                     each.torn = each.torn or node
 
     def _try(self, node: ast.Try, scope: Scope) -> None:
-        handlers = [each for each in node.handlers if not isinstance(each.body[-1], ast.Raise)]
+        handlers = [
+            each
+            for each in node.handlers
+            if not isinstance(each.body[-1], ast.Raise) or _leaves(each.body)
+        ]
 
         def handle(handler: ast.ExceptHandler) -> None:
             if handler.name:
@@ -411,7 +415,7 @@ class Source(Calls):
 
         body = partial(self.block, (*node.body, *node.orelse), scope)
         try:
-            if handlers:
+            if handlers or _leaves(node.finalbody):  # which ends an exception
                 self._torn(node, body, *(partial(handle, each) for each in handlers))
             else:
                 body()
@@ -492,6 +496,12 @@ class Source(Calls):
             case ast.Subscript():
                 owner, key = self.value(target.value, scope), self.value(target.slice, scope)
                 self.changed_item(owner, key, target, value)
+
+
+def _leaves(body: Sequence[ast.stmt]) -> bool:
+    """True if a statement in these may leave the loop or the function around them."""
+    leaving = (ast.Return, ast.Break, ast.Continue)
+    return any(isinstance(each, leaving) for statement in body for each in ast.walk(statement))
 
 
 def _loaded(target: ast.expr) -> ast.expr:

@@ -208,6 +208,22 @@ def test_what_changes_a_machine_otherwise_is_refused(more: str) -> None:
     assert any(line >= LINE + 1 for line in lines(TOP + GOOD + more))
 
 
+@pytest.mark.parametrize(
+    "ending",
+    [
+        "  except KeyError:\n    if foo(): return sm\n    raise\n",
+        "  finally:\n    return sm\n",
+    ],
+)
+def test_an_exception_that_a_statement_ends_may_leave_a_machine_half_built(ending: str) -> None:
+    add = "    with sm:\n     StateMachine.add('A', Own(), {'ok': 'done', 'failed': 'aborted'})\n"
+    built = f"{HEAD}def build():\n  sm = StateMachine(['done', 'aborted'])\n  try:\n{add}{ending}"
+    whole = f"{built}  return sm\nbuild().execute()\n"
+    assert lines(whole) == [HEAD.count("\n") + 5]
+    raising = whole.replace(ending, "  except KeyError:\n    raise\n")
+    assert result(raising)[0] is not None
+
+
 def test_outcomes_that_only_a_run_decides_are_not_declared() -> None:
     text = TOP.replace("class Own", "import rospy\nclass Own").replace(
         "    State.__init__(self, outcomes=['ok', 'failed'])\n",
