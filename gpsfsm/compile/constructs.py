@@ -430,6 +430,7 @@ LANGGRAPH: Final = (
     ),
     _over("", "`defer`", "as without it", Cause.ORDER),
     _assumed((), "`__interrupt`", "", Cause.RESUMED),
+    _assumed(("recursion_limit",), "of a graph with a loop", "", Cause.NO_LIMIT),
     _skipped("", "other keys", "", Cause.NO_MEANING),
     _refused("", "edges to missing nodes; two nodes of one name; no `__start__`"),
 )

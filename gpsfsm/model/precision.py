@@ -60,6 +60,7 @@ class Cause(StrEnum):
     ADDS_NOTHING = "it is assumed to add no state"
     ANOTHER_MACHINE = "another machine of the file was read"
     RESUMED = "the run is assumed to be resumed there"
+    NO_LIMIT = "the limit of a run is assumed not to be reached"
 
 
 @dataclass(frozen=True, slots=True)

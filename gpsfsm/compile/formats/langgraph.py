@@ -86,6 +86,7 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
         return fault(0, f"every node has a name of its own, and one is {_START}")
     unread = tuple(_unread(whole, places))
     graph = _Drawing(nodes, rows, places).graph
+    unread += tuple(_limit(rows, places))
     return machine_of(graph, file=file, places=places, approximations=unread)
 
 
@@ -177,6 +178,21 @@ def _unread(whole: Any, places: dict[Hashable, Place]) -> Iterator[Approximation
                 reading, cause = _OF_KEYS.get((kind, key), (Reading.SKIPPED, Cause.NO_MEANING))
                 where = _location(places.get(name, Place()), name)
                 yield Approximation(reading, clip(f"{kind} {key!r}", 60), where, cause)
+
+
+def _limit(
+    rows: list[tuple[str, str, Any]], places: dict[Hashable, Place]
+) -> Iterator[Approximation]:
+    """The limit on the steps of a run, which is not in the drawing, if that has a loop."""
+    import networkx
+
+    drawn: nx.DiGraph[str] = networkx.DiGraph((source, target) for source, target, _ in rows)
+    for part in networkx.strongly_connected_components(drawn):
+        name = min(part)
+        if len(part) > 1 or drawn.has_edge(name, name):
+            where = _location(places[name], name)
+            yield Approximation(Reading.DEFAULTED, "recursion_limit", where, Cause.NO_LIMIT)
+            return
 
 
 def _location(place: Place, name: str) -> Location:

@@ -89,7 +89,16 @@ def test_what_nodes_say_besides_is_reported() -> None:
     said = {each.construct: (each.reading, each.cause) for each in report.approximations}
     assert said["metadata 'defer'"] == (Reading.OVER, Cause.ORDER)
     assert said["metadata '__interrupt'"] == (Reading.DEFAULTED, Cause.RESUMED)
+    assert "recursion_limit" not in said
     assert said["metadata 'team'"] == (Reading.SKIPPED, Cause.NO_MEANING)
+
+
+def test_a_drawn_loop_is_said_to_have_no_limit() -> None:
+    report = checked(drawn("__start__>b", "b>a", "a?b", "a?__end__"))
+    (limit,) = (each for each in report.approximations if each.construct == "recursion_limit")
+    assert (limit.reading, limit.cause) == (Reading.DEFAULTED, Cause.NO_LIMIT)
+    assert limit.location.element == "/machine/a"
+    assert "GP119" in rules(report)
 
 
 def test_names_that_gpsfsm_adds_may_be_taken() -> None:
