@@ -584,7 +584,7 @@ class Chart(Tree):
         names = {_UNKNOWN} | {each for each in own if self.is_heard(each)}
         for name in self._all_names():
             if not f"{name}.".startswith(_INTERNAL):
-                names |= {name, f"{name}.{_UNKNOWN}"}
+                names |= {name, f"{name}.{_UNKNOWN}"} if name != _UNKNOWN else {name}
         return sorted(names)
 
     def _sent(self) -> set[str]:
@@ -626,20 +626,17 @@ class Chart(Tree):
             rows += [each for each in (EXECUTION, COMMUNICATION) if self.is_heard(each)]
         return rows
 
-    def reactions(
-        self, here: Moment, event: str | None
-    ) -> list[tuple[Moment, frozenset[int], frozenset[int]]]:
-        """The stable moments after an external event, what moved, the sources at first."""
+    def reactions(self, here: Moment, event: str | None) -> list[tuple[Moment, frozenset[int]]]:
+        """The stable moments after an external event, and what moved."""
         rows = []
         for (chosen, errors), queue in product(
             self.selections(here, event), self._finalized(here.at, event)
         ):
             start = here._replace(queue=queue + errors)
             moved = self._moves(here, chosen)
-            sources = frozenset(each.source for each in chosen)
             for after in self.microstep(start, chosen):
                 for stable, more in self.settled(after).items():
-                    rows.append((stable, moved | more, sources))
+                    rows.append((stable, moved | more))
         return rows
 
     def _finalized(self, at: Configuration, event: str | None) -> frozenset[Queue]:
@@ -698,8 +695,9 @@ class Chart(Tree):
         """Add what events lead to; the sources of all transitions that may be taken."""
         found: set[int] = set()
         for event in self.events(here.at):
-            for stable, moved, sources in self.reactions(here, event):
-                found |= sources
+            for chosen, _ in self.selections(here, event):
+                found |= {each.source for each in chosen}
+            for stable, moved in self.reactions(here, event):
                 if moved:
                     graph.add_edge(here, stable, moved=moved)
         return found
