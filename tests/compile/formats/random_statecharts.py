@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 
 HEAD = '<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0"'
 
@@ -113,3 +114,159 @@ class OddChart:
                 first = ""
         rows = [*self.transitions(name), *map(self.shown, inside)]
         return f'<{tag} id="{name}"{first}>{element}' + "\n ".join(rows) + f"</{tag}>"
+
+
+class EventfulChart(OddChart):
+    """A statechart that raises and sends events, remembers states, and asks what is active.
+
+    Events are drawn from a small set, so that those that are raised meet those that are waited
+    for. Without ``data`` everything that it does is known: no expression, nothing that may fail.
+    """
+
+    EVENTS = ("a", "a", "b", "b.c", "c", "failed")
+
+    def __init__(
+        self, seed: int, size: int = 5, *, data: bool | None = None, sends: bool | None = None
+    ) -> None:
+        self.odd = random.Random(f"eventful {seed}")  # noqa: S311
+        self.data = self.odd.choice((0.0, 0.3)) if data is None else 0.3 * data
+        self.sends = self.odd.choice((0.0, 0.0, 0.2)) if sends is None else 0.2 * sends
+        self.busy = self.odd.choice((0.15, 0.3, 0.5))
+        self.remembers = self.odd.choice((0.0, 0.5, 0.9))
+        self.asks = self.odd.choice((0.0, 0.2, 0.4))
+        self.errors = self.odd.random() < 0.5
+        self.histories: dict[str, str] = {}
+        self.services: dict[str, str] = {}
+        super().__init__(seed, size)
+
+    def state(self, around: list[str], depth: int) -> str:
+        name = super().state(around, depth)
+        if self.bodies[name] and self.odd.random() < self.remembers:
+            self.histories[f"{name}_h"] = name
+        if self.odd.random() < self.sends / 2:
+            self.services[name] = f"{name}_i"
+        return name
+
+    def event(self, name: str) -> str:
+        odd = self.odd
+        if odd.random() < 0.25:
+            return super().event(name)
+        words = [*self.EVENTS, "b.*", "*"]
+        if self.errors and (self.data or self.sends):
+            words += ["error", "error.execution", "error.communication", "error.*"]
+        if self.services:
+            words += [f"done.invoke.{odd.choice([*self.services.values()])}", "done.invoke"]
+        return " ".join(odd.choice(words) for _ in range(odd.choice((1, 1, 1, 2))))
+
+    def _conditions(self) -> list[str]:
+        state = self.odd.choice(self.states)
+        known = ["true", "false", f"In('{state}')", f"In('{state}')", f"In( '{state}' )"]
+        number = self.odd.randint(0, 1)
+        unknown = ["x == 3", f"{number} == 1", f"not In('{state}')", f"{number}"]
+        return known + (unknown if self.data else [])
+
+    def target(self, name: str) -> str:
+        if self.histories and self.odd.random() < 0.3:
+            return self.odd.choice([*self.histories])
+        return super().target(name)
+
+    def initial(self, inside: list[str], among: list[str]) -> str:
+        around = self.around[inside[0]]
+        if around and f"{around[-1]}_h" in self.histories and self.odd.random() < 0.3:
+            return f' initial="{around[-1]}_h"'
+        return super().initial(inside, among)
+
+    # -- content ----------------------------------------------------------------------------
+
+    def block(self, tag: str, attributes: str = "") -> str:
+        """An element with executable content, or none."""
+        content = self.content(2) if self.odd.random() < self.busy else ""
+        if not content and tag in ("onentry", "onexit"):
+            return ""
+        return f"<{tag}{attributes}>{content}</{tag}>"
+
+    def content(self, depth: int) -> str:
+        return "".join(self.action(depth) for _ in range(self.odd.choice((1, 1, 2, 3))))
+
+    def action(self, depth: int) -> str:
+        odd = self.odd
+        event = odd.choice(self.EVENTS)
+        if depth and odd.random() < 0.2:
+            return self.branches(depth - 1)
+        if odd.random() < self.sends:
+            return odd.choice(self._sends(event))
+        if odd.random() < self.data:
+            return odd.choice(self._doings(event, depth))
+        if odd.random() < 0.1:
+            return f'<send event="{event}" target="#_internal"/>'
+        if odd.random() < 0.05:
+            event = odd.choice(("error.execution", f"done.state.{odd.choice(self.states)}"))
+        return f'<raise event="{event}"/>'
+
+    def _sends(self, event: str) -> list[str]:
+        rows = [f'<send event="{event}"/>', f'<send event="{event}" delay="1s"/>']
+        if self.data:
+            rows += [
+                f'<send event="{event}"><param name="p" expr="x"/></send>',
+                f'<send event="{event}" target="#_internal"><param name="p" expr="x"/></send>',
+                f'<send event="{event}" namelist="x"/>',
+                f"<send eventexpr=\"'{event}'\"/>",
+                f'<send eventexpr="\'{event}\'" target="#_internal"/>',
+            ]
+        return rows
+
+    def _doings(self, event: str, depth: int) -> list[str]:
+        body = self.content(depth - 1) if depth else f'<raise event="{event}"/>'
+        loop = f'<foreach array="[1, 2]" item="it" index="at">{body}</foreach>'
+        return [
+            '<assign location="x" expr="1"/>', "<script>1</script>", '<log expr="1"/>',
+            '<log label="here"/>', '<cancel sendid="none"/>', '<log expr="x"/>', loop,
+        ]  # fmt: skip
+
+    def branches(self, depth: int) -> str:
+        rows = [f'<if cond="{self.cond_text()}">{self.content(depth)}']
+        if self.odd.random() < 0.4:
+            rows.append(f'<elseif cond="{self.cond_text()}"/>{self.content(depth)}')
+        if self.odd.random() < 0.5:
+            rows.append(f"<else/>{self.content(depth)}")
+        return "".join(rows) + "</if>"
+
+    def cond_text(self) -> str:
+        return self.odd.choice(self._conditions())
+
+    # -- elements ---------------------------------------------------------------------------
+
+    def transitions(self, name: str) -> list[str]:
+        rows = []
+        for each in super().transitions(name):
+            text = re.sub(' cond="[^"]*"', "", each[len("<transition") : -len("/>")])
+            if self.odd.random() < self.asks:
+                text += f' cond="{self.cond_text()}"'
+            rows.append(self.block("transition", text))
+        return rows
+
+    def history(self, name: str) -> list[str]:
+        if f"{name}_h" not in self.histories:
+            return []
+        deep = self.odd.random() < 0.5
+        inside = [each for each in self.states if name in self.around[each]]
+        targets = inside if deep else self.bodies[name]
+        way = self.block("transition", f' target="{self.odd.choice(targets)}"')
+        kind = self.odd.choice(("", ' type="shallow"')) if not deep else ' type="deep"'
+        return [f'<history id="{name}_h"{kind}>{way}</history>']
+
+    def shown(self, name: str) -> str:
+        tag, inside = self.tags[name], self.bodies[name]
+        first, element = "", ""
+        if inside and tag == "state":
+            first = self.initial(inside, inside)
+            if first and self.odd.random() < 0.5:
+                way = self.block("transition", first.replace("initial", "target"))
+                first, element = "", f"<initial>{way}</initial>"
+        rows = [self.block(each) for each in ("onentry", "onentry", "onexit")]
+        if name in self.services:
+            rows.append(f'<invoke id="{self.services[name]}" src="service.scxml"/>')
+        rows += [*self.history(name), *self.transitions(name), *map(self.shown, inside)]
+        if tag == "final" and self.data and self.odd.random() < 0.3:
+            rows.append('<donedata><param name="p" expr="x"/></donedata>')
+        return f'<{tag} id="{name}"{first}>{element}' + "\n ".join(filter(None, rows)) + f"</{tag}>"
