@@ -21,6 +21,7 @@ from gpsfsm.compile.formats.elements import Elements, place_of
 from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.formats.outcomes import is_failure
 from gpsfsm.compile.formats.scxml_chart import Chart
+from gpsfsm.compile.formats.scxml_content import Macrosteps, Moment, Step
 from gpsfsm.compile.formats.scxml_regions import read_regions, runner_of
 from gpsfsm.compile.formats.scxml_writing import NAMESPACE, OWN_NAMESPACE, own_of, write_regions
 from gpsfsm.compile.machines import machine_of, mark
@@ -31,8 +32,11 @@ from gpsfsm.model.printable import clip
 from gpsfsm.syntax.text import root_name
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import networkx as nx
 
+    from gpsfsm.compile.formats.scxml_content import Doubt, Effect, Memory
     from gpsfsm.compile.machines import ReadMachine
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.tree import TreeNode
@@ -40,6 +44,7 @@ if TYPE_CHECKING:
 
 _EVENTLESS: Final = "transition without event"
 _LONGEST: Final = 200
+_MOST_MOMENTS: Final = 2_000
 Signal = tuple[str, Event]
 
 
@@ -89,17 +94,35 @@ class _Reader:
         self.taken: list[tuple[list[Signal], TreeNode, TreeNode]] = []
         for name in ("begin", "complete", "give_up"):
             self._node(name, self.root, kind="start" if name == "begin" else name)
+        self.macrosteps = Macrosteps(chart)
+        self.memory: Memory = {}
+        self.noise: list[Doubt] = []  # what the last transition may raise
+        self.spin = ""  # a choice whether the machine raises events without end
+        self.markers: dict[Doubt, str] = {}
+        self.passing: dict[Moment, str] = {}  # by moment: the node of one that passes
+        self.passed: list[tuple[Moment, list[Step], list[Doubt]]] = []
         for each in chart.states:
-            if chart.inside(each) and chart.done(each) and chart.is_uncertain(each):
-                self.uncertain.add(each.index)
+            if chart.inside(each) and chart.done(each) and not self._is_calm(each):
+                if chart.is_uncertain(each):
+                    self.uncertain.add(each.index)
         for each in chart.states:
             self._make(each)
         for each in chart.states:
             self._leave(each)
-        self._go(("begin", Event.SUCCEEDED), [self.root])
+        begin: Signal = ("begin", Event.SUCCEEDED)
+        if chart.follows:
+            self._branch([begin], self.root, *self.macrosteps.begin())
+        else:
+            self._go(begin, self.root, None)
         for signals, source, row in self.taken:  # now that all nodes are there
             if not self.elements.problems:
                 self._take(signals, source, row)
+        if chart.follows and not self.elements.problems:
+            self._pass()
+        if self.spin:
+            self._spin()
+        if chart.follows and not self.elements.problems:
+            self._prune()
 
     # -- nodes ------------------------------------------------------------------------------
 
@@ -129,7 +152,7 @@ class _Reader:
                 self._watch(node, each)
             self._make_mark(node)
             rows = self._done_rows(node)
-            if rows and (node.tag == "parallel" or rows[0].text("cond")):
+            if rows and (node.tag == "parallel" or self.chart.cond(rows[0])):
                 self._make_done(node)
         outer = self._outer_join(node)
         if outer and node.index in self.joins:
@@ -140,7 +163,7 @@ class _Reader:
         for each in self.chart.live(node):
             if each.text("event"):
                 continue
-            if each.text("cond"):
+            if self.chart.cond(each):
                 self._over(self.runner[node.index], each, "cond", Cause.VALUE)
             elif self._is_disturbed(node):
                 self._over(self.runner[node.index], each, _EVENTLESS, Cause.ORDER)
@@ -164,22 +187,29 @@ class _Reader:
         """The transitions that follow at once when a state is done."""
         if not self.chart.inside(node) or node.index in self.uncertain:
             return []
-        rows = self.chart.done(node)
+        rows = [] if self._is_calm(node) else self.chart.done(node)
         return rows if any(each.text("target") for each in rows) else []
+
+    def _is_calm(self, node: TreeNode) -> bool:
+        """True for a state whose end always belongs to a macrostep that is followed."""
+        apart = node.tag != "parallel" and not self.chart.in_parallel(node)
+        return self.chart.follows and apart
 
     def _watched(self, node: TreeNode) -> list[TreeNode]:
         """The transitions of a state around others that may be taken at any time."""
         return [
             each
             for each in self.chart.live(node)
-            if (each.text("target") or each.text("cond") or self.chart.external(each))
+            if (each.text("target") or self.chart.cond(each) or self.chart.external(each)
+                or self.chart.contents.of(each).raises)
+            and not (self._is_calm(node) and self.chart.is_by_end(node, each))
             and (node.index in self.uncertain or not self.chart.is_of_itself(node, each))
         ]
 
     def _watch(self, node: TreeNode, row: TreeNode) -> None:
         """While a state is active, an event may come: now, later or never."""
         text, event = f"{self.chart.name(node)}: {row.text('event') or 'always'}", row.text("event")
-        if event or row.text("cond") or not self.chart.is_left_at_once(node):
+        if event or self.chart.cond(row) or not self.chart.is_left_at_once(node):
             now = again = self._node(
                 text, row, kind="runner", interface=CHOICE, parameters={"of": clip(text, _LONGEST)}
             )
@@ -202,7 +232,9 @@ class _Reader:
 
     def _make_mark(self, node: TreeNode) -> None:
         """A node without consequences: entering it says that no run from here on is exact."""
-        handled = self._done_rows(node) and not self._done_rows(node)[-1].text("cond")
+        if self._is_calm(node):
+            return
+        handled = self._done_rows(node) and not self.chart.cond(self._done_rows(node)[-1])
         if node.index in self.uncertain or (not handled and self.chart.is_listened_for(node)):
             join = self._node(f"{self.chart.name(node)}: its end", node, kind="join", need=1)
             self._over(join, node, "done.state", Cause.EVENTS)
@@ -246,13 +278,28 @@ class _Reader:
 
     # -- entering ---------------------------------------------------------------------------
 
-    def _go(self, signal: Signal, targets: list[TreeNode]) -> None:
-        """An event enters states, and all follows that follows at once.
+    def _go(self, signal: Signal, source: TreeNode, row: TreeNode | None) -> None:
+        """A transition whose configuration is not known; without one, the start."""
+        effects, doubts = self.macrosteps.forked(lambda memory: self._effects(memory, source, row))
+        for each, last in self._alternatives([signal], row or source, len(effects), doubts):
+            self.effects = effects[last]
+            self._emit(each)
+
+    def _effects(
+        self, memory: Memory, source: TreeNode, row: TreeNode | None
+    ) -> dict[str, set[str]]:
+        """The effects of a transition, and of all that follows at once.
 
         A final state that is entered is a transition of its own, once all else has been entered
         (W3C, appendix D). What that leaves again was never active.
         """
-        pending, steps = list(reversed(targets)), 0
+        self.memory, self.effects, self.noise = memory, {}, []
+        pending, steps = [source], 0
+        if row is not None:
+            self._hear(self.chart.contents.of(row))
+            targets = self._moved(source, row) if row.text("target") else []
+            stays = not row.text("target") and source.index in self.runner
+            pending = [source] if stays else targets[::-1]
         ended: list[TreeNode] = []
         while pending or ended:
             steps += 1
@@ -262,6 +309,7 @@ class _Reader:
                 if done is not None:
                     around = self.chart.parent(node)
                     self.left.clear()
+                    self._hear(self.chart.contents.of(done))
                     pending = list(reversed(self._moved(around, done)))
                     ended = [each for each in ended if not self._is_left(each)]
                 continue
@@ -278,10 +326,173 @@ class _Reader:
                 pending += reversed(self.chart.inside(node))
             else:
                 pending += reversed(self._arrived(node, self._initial(node)))
+        self._tell()
+        return self.effects
+
+    def _emit(self, signal: Signal) -> None:
         for target, actions in self.effects.items():
             for action in sorted(actions):
                 self._connect([signal], target, action)
-        self.effects.clear()
+        self.effects = {}
+
+    def _alternatives(
+        self, signals: list[Signal], place: TreeNode, count: int, doubts: list[Doubt]
+    ) -> Iterator[tuple[Signal, int]]:
+        """The signals of several possibilities, by choices that are marked with what decides."""
+        for number in range(count):
+            taken = signals
+            if number < count - 1:
+                node = self.chart.around(place)
+                choice = self._add(node, place, f"{self.chart.name(node)}: {doubts[0][0]}", signals)
+                for construct, element, cause in doubts:
+                    self._over(choice, element, construct, cause)
+                taken, signals = [(choice, Event.SUCCEEDED)], [(choice, Event.FAILED)]
+            for each in taken:
+                yield each, number
+
+    def _hear(self, effect: Effect) -> None:
+        """Take note of what a block may raise or send."""
+        self.noise += effect.doubts
+        self.noise += [("raise", each, Cause.EVENTS) for each in effect.raises]
+
+    def _tell(self) -> None:
+        """Mark the effects by what they may raise, which is not followed."""
+        loud = any(tag not in ("send", "invoke") for tag, *_ in self.noise)
+        for each in dict.fromkeys(self.noise):
+            self._trigger(self._marker(each))
+        if loud and self.chart.contents.may_go_on:
+            if not self.spin:
+                parameters = {"of": "events are raised without end"}
+                self.spin = self._node(
+                    "events without end", self.root, kind="runner", interface=CHOICE,
+                    parameters=parameters,
+                )  # fmt: skip
+                self._over(self.spin, self.noise[0][1], "raise", Cause.EVENTS)
+            self._trigger(self.spin)
+
+    def _marker(self, doubt: Doubt) -> str:
+        """A node without consequences: entering it says that no run from here on is exact."""
+        if doubt not in self.markers:
+            construct, element, cause = doubt
+            name = f"{construct}@{element.line}:{element.column}"
+            self.markers[doubt] = self._node(name, element, kind="join", need=1)
+            self._over(self.markers[doubt], element, construct, cause)
+        return self.markers[doubt]
+
+    def _spin(self) -> None:
+        """What is raised without end lets nothing else happen."""
+        last = self._node("without end", self.root, kind="runner", interface=TICK)
+        self._connect([(self.spin, Event.FAILED), (last, Event.SUCCEEDED)], last)
+        for name, kind in list(self.graph.nodes(data="kind")):
+            if kind == "runner" and name != last:
+                self._connect([(self.spin, Event.FAILED)], name, "stop")
+
+    # -- macrosteps that are followed ---------------------------------------------------------
+
+    def _branch(
+        self,
+        signals: list[Signal],
+        place: TreeNode,
+        steps: list[Step],
+        doubts: list[Doubt],
+        row: TreeNode | None = None,
+    ) -> None:
+        """What follows a signal: stable configurations, and moments that pass.
+
+        ``row``: the transition out of a stable configuration that it is the signal of.
+        """
+        for signal, number in self._alternatives(signals, row or place, len(steps), doubts):
+            step = steps[number]
+            name = self._passing_of(step.moment) if step.moment is not None else ""
+            self.effects = {}
+            if row is not None and name:
+                self._stop_around(place)
+            elif row is not None and row.text("target"):
+                self._depart(place, row)
+            if name:
+                self._trigger(name)
+            else:
+                self._enter(place, step, row)
+            for each in step.doubts:
+                self._trigger(self._marker(each))
+            self._emit(signal)
+
+    def _enter(self, place: TreeNode, step: Step, row: TreeNode | None) -> None:
+        """A stable configuration: all of it, or what a transition has entered."""
+        entered = step.entered
+        if row is not None and not entered:
+            entered = frozenset([place.index])
+        for index in sorted(entered):
+            node = self.elements.nodes[index]
+            self._begin(node)
+            around = self.chart.parent(node)
+            if index in self.runner:
+                self._trigger(self.runner[index])
+            elif node.tag == "final" and around is self.root:
+                self._trigger("give_up" if is_failure(self.chart.name(node)) else "complete")
+            elif node.tag == "final" and self._outer_join(around):
+                self._arrive(around, self._outer_join(around))
+        if row is not None and row.text("target") and self.chart.domain_of(place, row) is place:
+            for watcher in self.watchers.get(place.index, ()):
+                self._trigger(watcher)  # it stays active
+
+    def _passing_of(self, moment: Moment) -> str:
+        """The node of a moment that passes, "" for one that is stable."""
+        if moment not in self.passing:
+            steps, doubts = self.macrosteps.steps(moment)
+            self.passing[moment] = ""
+            if [each.moment for each in steps] != [None]:
+                leaf = self.elements.nodes[max(moment.active)]
+                choice = len(steps) > 1
+                name = f"{self.chart.name(leaf)} passes"
+                parameters = {"of": clip(name, _LONGEST)} if choice else {}
+                self.passing[moment] = self._node(
+                    name, leaf, kind="runner", interface=CHOICE if choice else TICK,
+                    parameters=parameters,
+                )  # fmt: skip
+                self.passed.append((moment, steps, doubts))
+                if len(self.passed) > _MOST_MOMENTS:
+                    message = f"the machine passes through more than {_MOST_MOMENTS} moments"
+                    self.elements.fault(leaf, message, "raise fewer events")
+        return self.passing[moment]
+
+    def _pass(self) -> None:
+        """What follows the moments that pass, and what is left of states that only pass."""
+        for moment, steps, doubts in self.passed:  # grows
+            if self.elements.problems:
+                return
+            name = self.passing[moment]
+            leaf = self.elements.nodes[max(moment.active)]
+            whole = [
+                each if each.moment else each._replace(entered=moment.active) for each in steps
+            ]
+            signals: list[Signal] = [(name, Event.SUCCEEDED)]
+            if len(steps) > 1:
+                for construct, element, cause in doubts:
+                    self._over(name, element, construct, cause)
+                self._branch(signals, leaf, whole[:1], doubts)
+                signals, whole = [(name, Event.FAILED)], whole[1:]
+            self._branch(signals, leaf, whole, doubts)
+
+    def _prune(self) -> None:
+        """Leave out the runners of states that are only passed through."""
+        import networkx
+
+        triggers = networkx.DiGraph(
+            (source, target)
+            for source, target, action in self.graph.edges(data="action")
+            if action == "trigger"
+        )
+        reached = {"begin", *networkx.descendants(triggers, "begin")}
+        passed = {
+            index
+            for moment, *_ in self.passed
+            if self.passing[moment] in reached
+            for index in moment.active
+        }
+        kept = {name for index, name in self.runner.items() if index not in passed}
+        kept |= {"complete", "give_up"}
+        self.graph.remove_nodes_from([each for each in self.graph if each not in reached | kept])
 
     def _trigger(self, name: str) -> None:
         self.effects.setdefault(name, set()).add("trigger")
@@ -296,6 +507,10 @@ class _Reader:
             self._trigger(watcher)
         if node.index in self.joins:
             self.effects[self.joins[node.index]] = {"stop"}
+        self._hear(self.chart.contents.entry(node))
+        for each in self.elements.children(node):
+            if each.tag == "invoke":
+                self._trigger(self._marker(("invoke", each, Cause.INVOKED)))
 
     def _arrived(self, domain: TreeNode, targets: list[TreeNode]) -> list[TreeNode]:
         """The states to be entered with all they begin with, of those below ``domain``.
@@ -317,11 +532,10 @@ class _Reader:
         return sorted(whole, key=lambda each: each.index)
 
     def _initial(self, node: TreeNode) -> list[TreeNode]:
-        names = node.text("initial").split()
-        for each in self.elements.children(node):
-            if each.tag == "initial":
-                names = self.chart.transitions(each)[0].text("target").split()
-        return [self.chart.ids[name] for name in names] if names else self.chart.inside(node)[:1]
+        targets, rows = self.macrosteps.initial(node)
+        for each in rows:
+            self._hear(self.chart.contents.of(each))
+        return self.macrosteps.expanded(targets, self.memory)
 
     def _ended(self, final: TreeNode) -> TreeNode | None:
         """A final state was entered: the run ends, or a transition of the state around it follows.
@@ -361,20 +575,21 @@ class _Reader:
         watchers = self.watchers.get(node.index, ())  # atomic states have none
         for watcher, row in zip(watchers, self._watched(node), strict=False):
             signals: list[Signal] = [(watcher, Event.SUCCEEDED)]
-            if row.text("cond"):
+            if self.chart.cond(row):
                 choice = self._alternative(node, row, signals)
                 self._connect([(choice, Event.FAILED)], watcher)
                 signals = [(choice, Event.SUCCEEDED)]
             elif row.text("event") and not self.chart.is_private(node, row):
                 signals = self._step(node, row, signals)
             self.taken.append((signals, node, row))
-            if not row.text("target") or self.chart.domain_of(node, row) is node:
+            inward = row.text("target") and self.chart.domain_of(node, row) is node
+            if not row.text("target") or (inward and not self._is_followed(node, row)):
                 self._connect(signals, watcher)  # it stays active, and so does its watcher
         if node.index in self.done:
             signals = [(self.done[node.index], Event.SUCCEEDED)]
             for row in self._done_rows(node):
                 taken = signals
-                if row.text("cond"):
+                if self.chart.cond(row):
                     choice = self._alternative(node, row, signals)
                     taken, signals = [(choice, Event.SUCCEEDED)], [(choice, Event.FAILED)]
                 self.taken.append((taken, node, row))
@@ -431,13 +646,13 @@ class _Reader:
 
     def _is_sure(self, row: TreeNode) -> bool:
         """True for a transition that is taken as soon as the environment says so."""
-        return not row.text("cond") and (not row.text("event") or bool(self.chart.external(row)))
+        return not self.chart.cond(row) and (not row.text("event") or bool(self.chart.external(row)))
 
     def _alternative(
         self, node: TreeNode, row: TreeNode, signals: list[Signal], *, marked: bool = True
     ) -> str:
         """A choice between a transition and what comes if it is not taken."""
-        cond = row.text("cond")
+        cond = self.chart.cond(row)
         name = f"{self.chart.name(node)}: {cond or row.text('event')}"
         choice = self._add(node, row, name, signals)
         if cond:
@@ -451,15 +666,29 @@ class _Reader:
 
     def _take(self, signals: list[Signal], source: TreeNode, row: TreeNode) -> None:
         """A transition: what it leaves is stopped, and its targets are entered."""
-        for signal in signals:
-            if row.text("target"):
-                self._go(signal, self._moved(source, row))
-            elif source.index in self.runner:  # the state stays as it is
-                self._go(signal, [source])
+        if self._is_followed(source, row):
+            clean = self.macrosteps.is_clean(source)
+            self._branch(signals, source, *self.macrosteps.start(source, row, clean=clean), row)
+            return
+        stays = source.index in self.runner or self.chart.contents.of(row).raises
+        for signal in signals if row.text("target") or stays else ():
+            self._go(signal, source, row)
+
+    def _is_followed(self, source: TreeNode, row: TreeNode) -> bool:
+        """True for a transition after which all active states are known."""
+        chart = self.chart
+        if row.text("target"):
+            return chart.follows and not chart.in_parallel(chart.domain_of(source, row))
+        return chart.follows and source.index in self.runner and not chart.in_parallel(source)
 
     def _moved(self, source: TreeNode, row: TreeNode) -> list[TreeNode]:
         """The states that a transition enters; those that it leaves are stopped."""
-        targets = self.chart.targets(row)
+        targets = self.macrosteps.expanded(self.chart.targets(row), self.memory)
+        self._depart(source, row)
+        return self._arrived(self.chart.domain_of(source, row), targets)
+
+    def _depart(self, source: TreeNode, row: TreeNode) -> None:
+        """All that a transition leaves is stopped."""
         domain, left = self.chart.domain_of(source, row), [source]
         if domain.index == source.index:
             left = self.chart.inside(source)
@@ -467,7 +696,16 @@ class _Reader:
             left = [self.chart.parent(left[0])]
         for each in left:
             self._stop(each)
-        return self._arrived(domain, targets)
+
+    def _stop_around(self, source: TreeNode) -> None:
+        """All that may be active with a state is stopped."""
+        around = [each for each in self.chart.outwards(source) if each is not self.root]
+        regions = [each for each in around if each.tag == "parallel"]
+        self._stop((regions or [source])[-1])
+        for each in around:
+            for rows in (self.watchers, self.added):
+                for name in rows.get(each.index, ()):
+                    self.effects[name] = {"stop"}
 
     def _stop(self, node: TreeNode) -> None:
         """All that is active in a state is stopped, and its end counts no more."""
@@ -484,6 +722,7 @@ class _Reader:
                 join = self.joins[each.index]
                 for name in (join, *self.extras.get(join, ())):
                     self.effects.pop(name, None)
+            self._hear(self.chart.contents.exit(each))
             pending += self.chart.inside(each)
 
 
