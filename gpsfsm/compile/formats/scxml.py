@@ -463,9 +463,7 @@ class _Reader:
                 return
             name = self.passing[moment]
             leaf = self.elements.nodes[max(moment.active)]
-            whole = [
-                each if each.moment else each._replace(entered=moment.active) for each in steps
-            ]
+            whole = [each._replace(entered=(each.moment or moment).active) for each in steps]
             signals: list[Signal] = [(name, Event.SUCCEEDED)]
             if len(steps) > 1:
                 for construct, element, cause in doubts:
@@ -483,6 +481,7 @@ class _Reader:
             for source, target, action in self.graph.edges(data="action")
             if action == "trigger"
         )
+        triggers.add_node("begin")
         reached = {"begin", *networkx.descendants(triggers, "begin")}
         passed = {
             index
