@@ -213,7 +213,7 @@ class _Reader:
             now = again = self._node(
                 text, row, kind="runner", interface=CHOICE, parameters={"of": clip(text, _LONGEST)}
             )
-            if event and not self.chart.external(row):
+            if self.chart.state_in(row) or (event and not self.chart.external(row)):
                 again = self._perhaps(node, row, now)
             self._connect([(now, Event.FAILED)], again)
         else:
@@ -638,7 +638,10 @@ class _Reader:
         runner = self.runner[node.index]
         if sure:
             self.taken.append((signals, node, sure[-1]))
-        elif any(not each.text("event") or self.chart.external(each) for each in rows):
+        elif any(
+            not self.chart.state_in(each) and (not each.text("event") or self.chart.external(each))
+            for each in rows
+        ):
             self._connect(signals, runner)  # it stays, and waits for the next event
         else:
             self._connect(signals, self._perhaps(node, order[-1], runner))

@@ -286,11 +286,21 @@ class Chart:
     def cond(self, row: TreeNode) -> str:
         """The condition of an element, "" if it always holds."""
         text = row.text("cond").strip()
-        return "" if self.root.text("datamodel") in _HOLDS.get(text, ()) else text
+        holds = self.root.text("datamodel") in _HOLDS.get(text, ()) or self._is_around(row)
+        return "" if holds else text
 
     def never_holds(self, row: TreeNode) -> bool:
-        """True for a transition whose condition is false, as it is written."""
-        return row.text("cond").strip() in ("false", "False")
+        """True for a transition whose condition is false, wherever the machine is."""
+        state, source = self.state_in(row), self.parent(row)
+        if state is None or source.tag not in STATES:
+            return row.text("cond").strip() in ("false", "False")
+        possible = self.contains(source, state) or self.is_beside(source, state)
+        return not possible and not self._is_around(row)
+
+    def _is_around(self, row: TreeNode) -> bool:
+        """True for a transition on condition that its own state is active, or one around it."""
+        state, source = self.state_in(row), self.parent(row)
+        return state is not None and (state is source or self.contains(state, source))
 
     def state_in(self, row: TreeNode) -> TreeNode | None:
         """The state that a condition ``In('state')`` asks for."""
