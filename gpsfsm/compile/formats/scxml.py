@@ -200,7 +200,7 @@ class _Reader:
         return [
             each
             for each in self.chart.live(node)
-            if (each.text("target") or self.chart.cond(each) or self.chart.external(each)
+            if (each.text("target") or self.chart.cond(each) or self.chart.outer(each)
                 or self.chart.contents.of(each).raises)
             and not (self._is_calm(node) and self.chart.is_by_end(node, each))
             and (node.index in self.uncertain or not self.chart.is_of_itself(node, each))

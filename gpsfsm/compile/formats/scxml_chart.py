@@ -352,12 +352,12 @@ class Chart:
         return bool(row.text("event")) and ends and not regions
 
     def external(self, row: TreeNode) -> list[Tokens]:
-        """The names by which the environment can take a transition."""
-        return [
-            each
-            for each in self.events(row)
-            if each[:2] not in _INTERNAL and not self.contents.is_own(each)
-        ]
+        """The names by which the environment alone can take a transition."""
+        return [each for each in self.outer(row) if not self.contents.is_own(each)]
+
+    def outer(self, row: TreeNode) -> list[Tokens]:
+        """The names by which the environment, too, can take a transition."""
+        return [each for each in self.events(row) if each[:2] not in _INTERNAL]
 
     def events(self, row: TreeNode) -> list[Tokens]:
         """What the names of its events have to begin with."""
