@@ -1,4 +1,4 @@
-"""SCXML (W3C, 2015): statecharts without scripts ↔ machines.
+"""SCXML (W3C, 2015): statecharts ↔ machines.
 
 An atomic state with transitions is a runner: it acts until one of its events comes. The names of
 the events tell how it ends, as those of outcomes do (``outcomes.py``). A transition of a state with
@@ -13,39 +13,32 @@ What gpsfsm writes itself (``scxml_writing``) is read by ``scxml_regions``.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
-from xml.sax.saxutils import quoteattr
+from typing import TYPE_CHECKING, Final
 
-from gpsfsm.compile.formats import CannotSayError, Format
-from gpsfsm.compile.formats.elements import Elements, place_of
-from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
+from gpsfsm.compile.formats import Format
+from gpsfsm.compile.formats.elements import Elements
 from gpsfsm.compile.formats.outcomes import is_failure
 from gpsfsm.compile.formats.scxml_chart import Chart
-from gpsfsm.compile.formats.scxml_content import Macrosteps, Moment, Step
+from gpsfsm.compile.formats.scxml_macrosteps import LONGEST, Macrosteps, Moment, Nodes, Signal, Step
 from gpsfsm.compile.formats.scxml_regions import read_regions, runner_of
-from gpsfsm.compile.formats.scxml_writing import NAMESPACE, OWN_NAMESPACE, own_of, write_regions
-from gpsfsm.compile.machines import machine_of, mark
+from gpsfsm.compile.formats.scxml_writing import NAMESPACE, OWN_NAMESPACE, write
+from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
-from gpsfsm.model.precision import Approximation, Cause, Reading
+from gpsfsm.model.precision import Cause
 from gpsfsm.model.printable import clip
 from gpsfsm.syntax.text import root_name
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import networkx as nx
-
-    from gpsfsm.compile.formats.scxml_content import Doubt, Effect, Memory
+    from gpsfsm.compile.formats.scxml_content import Doubt
+    from gpsfsm.compile.formats.scxml_macrosteps import Memory
     from gpsfsm.compile.machines import ReadMachine
-    from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.source import Limits
 
 _EVENTLESS: Final = "transition without event"
-_LONGEST: Final = 200
 _MOST_MOMENTS: Final = 2_000
-Signal = tuple[str, Event]
+_MOST_STEPS: Final = 10_000
 
 
 def recognises(text: str, file: str) -> bool:
@@ -72,39 +65,28 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
     )
 
 
-class _Reader:
+class _Reader(Nodes):
     def __init__(self, chart: Chart) -> None:
-        import networkx
-
-        self.chart = chart
-        self.elements = chart.elements
-        self.graph: nx.MultiDiGraph[Any] = networkx.MultiDiGraph()
-        self.places: dict[Any, Any] = {}
-        self.root = chart.root
+        super().__init__(chart)
         self.runner: dict[int, str] = {}  # by element: the node of an atomic state
         self.watchers: dict[int, list[str]] = {}  # by element: what watches while it is active
-        self.added: dict[int, list[str]] = {}  # by element: nodes that are stopped with it
         self.joins: dict[int, str] = {}
         self.extras: dict[str, list[str]] = {}  # by join: those in front of it
         self.done: dict[int, str] = {}  # by element: what stands between its end and what follows
         self.marks: dict[int, str] = {}  # by element: what its end marks
         self.uncertain: set[int] = set()  # elements whose done.state is watched for like an event
-        self.effects: dict[str, set[str]] = {}  # of one event: triggered, stopped, by node
         self.left: set[int] = set()  # the states that the last transition has left
         self.taken: list[tuple[list[Signal], TreeNode, TreeNode]] = []
         for name in ("begin", "complete", "give_up"):
-            self._node(name, self.root, kind="start" if name == "begin" else name)
+            self.node(name, self.root, kind="start" if name == "begin" else name)
         self.macrosteps = Macrosteps(chart)
         self.memory: Memory = {}
-        self.noise: list[Doubt] = []  # what the last transition may raise
-        self.spin = ""  # a choice whether the machine raises events without end
-        self.markers: dict[Doubt, str] = {}
         self.passing: dict[Moment, str] = {}  # by moment: the node of one that passes
         self.passed: list[tuple[Moment, list[Step], list[Doubt]]] = []
         for each in chart.states:
-            if chart.inside(each) and chart.done(each) and not self._is_calm(each):
-                if chart.is_uncertain(each):
-                    self.uncertain.add(each.index)
+            ends = chart.inside(each) and chart.done(each) and not self._is_calm(each)
+            if ends and chart.is_uncertain(each):
+                self.uncertain.add(each.index)
         for each in chart.states:
             self._make(each)
         for each in chart.states:
@@ -117,35 +99,18 @@ class _Reader:
         for signals, source, row in self.taken:  # now that all nodes are there
             if not self.elements.problems:
                 self._take(signals, source, row)
-        if chart.follows and not self.elements.problems:
+        if not self.elements.problems:
             self._pass()
-        if self.spin:
-            self._spin()
-        if chart.follows and not self.elements.problems:
-            self._prune()
-
-    # -- nodes ------------------------------------------------------------------------------
-
-    def _node(self, name: str, place: TreeNode, **data: Any) -> str:
-        unique, number = clip(name, _LONGEST - 20), 2
-        while unique in self.graph:
-            unique, number = f"{clip(name, _LONGEST - 20)}#{number}", number + 1
-        self.graph.add_node(unique, **data)
-        self.places[unique] = place_of(place)
-        return unique
-
-    def _over(self, name: str, place: TreeNode, construct: str, cause: Cause) -> None:
-        mark(self.graph, name, Approximation(Reading.OVER, construct, place.location, cause))
 
     def _make(self, node: TreeNode) -> None:
         name, inside = self.chart.name(node), self.chart.inside(node)
         if node.tag == "state" and not inside:
             runner = runner_of(self.elements, node, name)
-            self.runner[node.index] = self._node(name, node, **runner)
+            self.runner[node.index] = self.node(name, node, **runner)
             self._mark_eventless(node)
         elif node.tag == "parallel" and self._is_counted(node):
             need = len(inside)
-            self.joins[node.index] = self._node(f"{name}: done", node, kind="join", need=need)
+            self.joins[node.index] = self.node(f"{name}: done", node, kind="join", need=need)
         if inside:
             self.watchers[node.index] = []
             for each in self._watched(node):
@@ -156,7 +121,7 @@ class _Reader:
                 self._make_done(node)
         outer = self._outer_join(node)
         if outer and node.index in self.joins:
-            self._connect([(self.joins[node.index], Event.SUCCEEDED)], outer)
+            self.connect([(self.joins[node.index], Event.SUCCEEDED)], outer)
 
     def _mark_eventless(self, node: TreeNode) -> None:
         """An atomic state acts for a while, which the file says only of what waits for events."""
@@ -164,9 +129,9 @@ class _Reader:
             if each.text("event"):
                 continue
             if self.chart.cond(each):
-                self._over(self.runner[node.index], each, "cond", Cause.VALUE)
+                self.over(self.runner[node.index], each, "cond", Cause.VALUE)
             elif self._is_disturbed(node):
-                self._over(self.runner[node.index], each, _EVENTLESS, Cause.ORDER)
+                self.over(self.runner[node.index], each, _EVENTLESS, Cause.ORDER)
 
     def _is_disturbed(self, node: TreeNode) -> bool:
         """True if something else can happen while a state is active."""
@@ -200,8 +165,12 @@ class _Reader:
         return [
             each
             for each in self.chart.live(node)
-            if (each.text("target") or self.chart.cond(each) or self.chart.outer(each)
-                or self.chart.contents.of(each).raises)
+            if (
+                each.text("target")
+                or self.chart.cond(each)
+                or self.chart.outer(each)
+                or self.chart.contents.of(each).raises
+            )
             and not (self._is_calm(node) and self.chart.is_by_end(node, each))
             and (node.index in self.uncertain or not self.chart.is_of_itself(node, each))
         ]
@@ -210,24 +179,22 @@ class _Reader:
         """While a state is active, an event may come: now, later or never."""
         text, event = f"{self.chart.name(node)}: {row.text('event') or 'always'}", row.text("event")
         if event or self.chart.cond(row) or not self.chart.is_left_at_once(node):
-            now = again = self._node(
-                text, row, kind="runner", interface=CHOICE, parameters={"of": clip(text, _LONGEST)}
-            )
+            now = again = self.moment(text, row)
             if self.chart.state_in(row) or (event and not self.chart.external(row)):
                 again = self._perhaps(node, row, now)
-            self._connect([(now, Event.FAILED)], again)
+            self.connect([(now, Event.FAILED)], again)
         else:
-            now = self._node(text, row, kind="runner", interface=TICK)
+            now = self.moment(text, row, TICK)
         if not event:
-            self._over(now, row, _EVENTLESS, Cause.ORDER)
+            self.over(now, row, _EVENTLESS, Cause.ORDER)
         self.watchers[node.index].append(now)
 
     def _perhaps(self, node: TreeNode, row: TreeNode, now: str) -> str:
         """A choice for what may never come: ``now`` follows later, or nothing."""
-        later = self._add(node, row, f"{clip(now, _LONGEST - 40)}: later", [])
-        self._over(later, row, "done.state", Cause.EVENTS)
-        self._connect([(later, Event.SUCCEEDED)], now)
-        self._connect([(later, Event.FAILED)], now, "stop")  # it does not come any more
+        later = self.add(node, row, f"{clip(now, LONGEST - 40)}: later", [])
+        self.over(later, row, "done.state", Cause.EVENTS)
+        self.connect([(later, Event.SUCCEEDED)], now)
+        self.connect([(later, Event.FAILED)], now, "stop")  # it does not come any more
         return later
 
     def _make_mark(self, node: TreeNode) -> None:
@@ -236,8 +203,8 @@ class _Reader:
             return
         handled = self._done_rows(node) and not self.chart.cond(self._done_rows(node)[-1])
         if node.index in self.uncertain or (not handled and self.chart.is_listened_for(node)):
-            join = self._node(f"{self.chart.name(node)}: its end", node, kind="join", need=1)
-            self._over(join, node, "done.state", Cause.EVENTS)
+            join = self.node(f"{self.chart.name(node)}: its end", node, kind="join", need=1)
+            self.over(join, node, "done.state", Cause.EVENTS)
             self.marks[node.index] = join
 
     def _make_done(self, node: TreeNode) -> None:
@@ -252,38 +219,23 @@ class _Reader:
         if node.tag == "parallel" and any(
             each.tag == "parallel" or chart.live(each) for each in chart.inside(node)
         ):
-            then = self._add(node, node, f"{name}: all regions are done", signals)
-            self._over(then, node, "parallel", Cause.ORDER)
-            self._connect([(then, Event.FAILED)], self._perhaps(node, node, then))
+            then = self.add(node, node, f"{name}: all regions are done", signals)
+            self.over(then, node, "parallel", Cause.ORDER)
+            self.connect([(then, Event.FAILED)], self._perhaps(node, node, then))
         else:
-            then = self._add(node, node, f"{name}: then", signals, TICK)
+            then = self.add(node, node, f"{name}: then", signals, TICK)
             if self._is_disturbed(node):
-                self._over(then, node, "done.state", Cause.ORDER)
+                self.over(then, node, "done.state", Cause.ORDER)
         self.done[node.index] = then
-
-    def _add(
-        self, node: TreeNode, place: TreeNode, of: str, signals: list[Signal], kind: str = CHOICE
-    ) -> str:
-        """A choice or tick that follows signals, and is stopped when the state is left."""
-        parameters = {"of": clip(of, _LONGEST)} if kind == CHOICE else {}
-        name = self._node(of, place, kind="runner", interface=kind, parameters=parameters)
-        self.added.setdefault(node.index, []).append(name)
-        self._connect(signals, name)
-        return name
-
-    def _connect(self, signals: list[Signal], target: str, action: str = "trigger") -> None:
-        for source, event in signals:
-            if (source, action) != (target, "stop"):  # whoever emits it has ended
-                self.graph.add_edge(source, target, event=event.value, action=action)
 
     # -- entering ---------------------------------------------------------------------------
 
     def _go(self, signal: Signal, source: TreeNode, row: TreeNode | None) -> None:
         """A transition whose configuration is not known; without one, the start."""
         effects, doubts = self.macrosteps.forked(lambda memory: self._effects(memory, source, row))
-        for each, last in self._alternatives([signal], row or source, len(effects), doubts):
+        for each, last in self.alternatives([signal], row or source, len(effects), doubts):
             self.effects = effects[last]
-            self._emit(each)
+            self.emit(each)
 
     def _effects(
         self, memory: Memory, source: TreeNode, row: TreeNode | None
@@ -294,98 +246,27 @@ class _Reader:
         (W3C, appendix D). What that leaves again was never active.
         """
         self.memory, self.effects, self.noise = memory, {}, []
-        pending, steps = [source], 0
-        if row is not None:
-            self._hear(self.chart.contents.of(row))
-            targets = self._moved(source, row) if row.text("target") else []
-            stays = not row.text("target") and source.index in self.runner
-            pending = [source] if stays else targets[::-1]
         ended: list[TreeNode] = []
-        while pending or ended:
-            steps += 1
-            if not pending:
-                node = ended.pop(0)
-                done = self._ended(node)
-                if done is not None:
-                    around = self.chart.parent(node)
-                    self.left.clear()
-                    self._hear(self.chart.contents.of(done))
-                    pending = list(reversed(self._moved(around, done)))
-                    ended = [each for each in ended if not self._is_left(each)]
-                continue
-            node = pending.pop()
-            if steps > 10_000:
-                self.elements.fault(node, "this is entered without end", "let something happen")
+        pending = self._entered(source, row)
+        for _ in range(_MOST_STEPS):
+            for node in pending:
+                self._begin(node)
+                if node.index in self.runner:
+                    self.trigger(self.runner[node.index])
+            ended += [each for each in pending if each.tag == "final"]
+            pending = []
+            if not ended:
                 break
-            self._begin(node)
-            if node.index in self.runner:
-                self._trigger(self.runner[node.index])
-            elif node.tag == "final":
-                ended.append(node)
-            elif node.tag == "parallel":
-                pending += reversed(self.chart.inside(node))
-            else:
-                pending += reversed(self._arrived(node, self._initial(node)))
-        self._tell()
+            done = self._ended(ended[0])
+            around = self.chart.parent(ended.pop(0))
+            if done is not None:
+                self.left.clear()
+                pending = self._entered(around, done)
+                ended = [each for each in ended if not self._is_left(each)]
+        else:
+            self.elements.fault(source, "this is entered without end", "let something happen")
+        self.tell()
         return self.effects
-
-    def _emit(self, signal: Signal) -> None:
-        for target, actions in self.effects.items():
-            for action in sorted(actions):
-                self._connect([signal], target, action)
-        self.effects = {}
-
-    def _alternatives(
-        self, signals: list[Signal], place: TreeNode, count: int, doubts: list[Doubt]
-    ) -> Iterator[tuple[Signal, int]]:
-        """The signals of several possibilities, by choices that are marked with what decides."""
-        for number in range(count):
-            taken = signals
-            if number < count - 1:
-                node = self.chart.around(place)
-                choice = self._add(node, place, f"{self.chart.name(node)}: {doubts[0][0]}", signals)
-                for construct, element, cause in doubts:
-                    self._over(choice, element, construct, cause)
-                taken, signals = [(choice, Event.SUCCEEDED)], [(choice, Event.FAILED)]
-            for each in taken:
-                yield each, number
-
-    def _hear(self, effect: Effect) -> None:
-        """Take note of what a block may raise or send."""
-        self.noise += effect.doubts
-        self.noise += [("raise", each, Cause.EVENTS) for each in effect.raises]
-
-    def _tell(self) -> None:
-        """Mark the effects by what they may raise, which is not followed."""
-        loud = any(tag not in ("send", "invoke") for tag, *_ in self.noise)
-        for each in dict.fromkeys(self.noise):
-            self._trigger(self._marker(each))
-        if loud and self.chart.contents.may_go_on:
-            if not self.spin:
-                parameters = {"of": "events are raised without end"}
-                self.spin = self._node(
-                    "events without end", self.root, kind="runner", interface=CHOICE,
-                    parameters=parameters,
-                )  # fmt: skip
-                self._over(self.spin, self.noise[0][1], "raise", Cause.EVENTS)
-            self._trigger(self.spin)
-
-    def _marker(self, doubt: Doubt) -> str:
-        """A node without consequences: entering it says that no run from here on is exact."""
-        if doubt not in self.markers:
-            construct, element, cause = doubt
-            name = f"{construct}@{element.line}:{element.column}"
-            self.markers[doubt] = self._node(name, element, kind="join", need=1)
-            self._over(self.markers[doubt], element, construct, cause)
-        return self.markers[doubt]
-
-    def _spin(self) -> None:
-        """What is raised without end lets nothing else happen."""
-        last = self._node("without end", self.root, kind="runner", interface=TICK)
-        self._connect([(self.spin, Event.FAILED), (last, Event.SUCCEEDED)], last)
-        for name, kind in list(self.graph.nodes(data="kind")):
-            if kind == "runner" and name != last:
-                self._connect([(self.spin, Event.FAILED)], name, "stop")
 
     # -- macrosteps that are followed ---------------------------------------------------------
 
@@ -401,7 +282,7 @@ class _Reader:
 
         ``row``: the transition out of a stable configuration that it is the signal of.
         """
-        for signal, number in self._alternatives(signals, row or place, len(steps), doubts):
+        for signal, number in self.alternatives(signals, row or place, len(steps), doubts):
             step = steps[number]
             name = self._passing_of(step.moment) if step.moment is not None else ""
             self.effects = {}
@@ -410,12 +291,12 @@ class _Reader:
             elif row is not None and row.text("target"):
                 self._depart(place, row)
             if name:
-                self._trigger(name)
+                self.trigger(name)
             else:
                 self._enter(place, step, row)
             for each in step.doubts:
-                self._trigger(self._marker(each))
-            self._emit(signal)
+                self.trigger(self.marker(each))
+            self.emit(signal)
 
     def _enter(self, place: TreeNode, step: Step, row: TreeNode | None) -> None:
         """A stable configuration: all of it, or what a transition has entered."""
@@ -427,14 +308,14 @@ class _Reader:
             self._begin(node)
             around = self.chart.parent(node)
             if index in self.runner:
-                self._trigger(self.runner[index])
+                self.trigger(self.runner[index])
             elif node.tag == "final" and around is self.root:
-                self._trigger("give_up" if is_failure(self.chart.name(node)) else "complete")
+                self.trigger("give_up" if is_failure(self.chart.name(node)) else "complete")
             elif node.tag == "final" and self._outer_join(around):
                 self._arrive(around, self._outer_join(around))
         if row is not None and row.text("target") and self.chart.domain_of(place, row) is place:
             for watcher in self.watchers.get(place.index, ()):
-                self._trigger(watcher)  # it stays active
+                self.trigger(watcher)  # it stays active
 
     def _passing_of(self, moment: Moment) -> str:
         """The node of a moment that passes, "" for one that is stable."""
@@ -443,13 +324,9 @@ class _Reader:
             self.passing[moment] = ""
             if [each.moment for each in steps] != [None]:
                 leaf = self.elements.nodes[max(moment.active)]
-                choice = len(steps) > 1
                 name = f"{self.chart.name(leaf)} passes"
-                parameters = {"of": clip(name, _LONGEST)} if choice else {}
-                self.passing[moment] = self._node(
-                    name, leaf, kind="runner", interface=CHOICE if choice else TICK,
-                    parameters=parameters,
-                )  # fmt: skip
+                kind = CHOICE if len(steps) > 1 else TICK
+                self.passing[moment] = self.moment(name, leaf, kind)
                 self.passed.append((moment, steps, doubts))
                 if len(self.passed) > _MOST_MOMENTS:
                     message = f"the machine passes through more than {_MOST_MOMENTS} moments"
@@ -467,34 +344,21 @@ class _Reader:
             signals: list[Signal] = [(name, Event.SUCCEEDED)]
             if len(steps) > 1:
                 for construct, element, cause in doubts:
-                    self._over(name, element, construct, cause)
+                    self.over(name, element, construct, cause)
                 self._branch(signals, leaf, whole[:1], doubts)
                 signals, whole = [(name, Event.FAILED)], whole[1:]
             self._branch(signals, leaf, whole, doubts)
-
-    def _prune(self) -> None:
-        """Leave out the runners of states that are only passed through."""
-        import networkx
-
-        triggers = networkx.DiGraph(
-            (source, target)
-            for source, target, action in self.graph.edges(data="action")
-            if action == "trigger"
-        )
-        triggers.add_node("begin")
-        reached = {"begin", *networkx.descendants(triggers, "begin")}
-        passed = {
+        reached = self.reached()
+        kept = set() if self.chart.follows else set(self.graph)
+        only_passed = {
             index
             for moment, *_ in self.passed
             if self.passing[moment] in reached
             for index in moment.active
         }
-        kept = {name for index, name in self.runner.items() if index not in passed}
-        kept |= {"complete", "give_up"}
-        self.graph.remove_nodes_from([each for each in self.graph if each not in reached | kept])
-
-    def _trigger(self, name: str) -> None:
-        self.effects.setdefault(name, set()).add("trigger")
+        self.finish(
+            kept.union(name for index, name in self.runner.items() if index not in only_passed)
+        )
 
     def _is_left(self, node: TreeNode) -> bool:
         """True for what lies in a state that the last transition has left."""
@@ -503,38 +367,13 @@ class _Reader:
     def _begin(self, node: TreeNode) -> None:
         """A state around others becomes active: its watchers start, its join forgets."""
         for watcher in self.watchers.get(node.index, ()):
-            self._trigger(watcher)
+            self.trigger(watcher)
         if node.index in self.joins:
             self.effects[self.joins[node.index]] = {"stop"}
-        self._hear(self.chart.contents.entry(node))
+        self.hear(self.chart.contents.entry(node))
         for each in self.elements.children(node):
             if each.tag == "invoke":
-                self._trigger(self._marker(("invoke", each, Cause.INVOKED)))
-
-    def _arrived(self, domain: TreeNode, targets: list[TreeNode]) -> list[TreeNode]:
-        """The states to be entered with all they begin with, of those below ``domain``.
-
-        What lies around the targets begins here, and the other regions are entered as well.
-        """
-        around: dict[int, TreeNode] = {}
-        for target in targets:
-            for each in self.chart.outwards(self.chart.parent(target)):
-                if each.index == domain.index:
-                    break
-                around[each.index] = each
-        whole = [each for each in targets if each.index not in around]
-        inner = {*around, *(each.index for each in whole)}
-        for _, each in sorted(around.items()):
-            self._begin(each)
-            if each.tag == "parallel":
-                whole += (child for child in self.chart.inside(each) if child.index not in inner)
-        return sorted(whole, key=lambda each: each.index)
-
-    def _initial(self, node: TreeNode) -> list[TreeNode]:
-        targets, rows = self.macrosteps.initial(node)
-        for each in rows:
-            self._hear(self.chart.contents.of(each))
-        return self.macrosteps.expanded(targets, self.memory)
+                self.trigger(self.marker(("invoke", each, Cause.INVOKED)))
 
     def _ended(self, final: TreeNode) -> TreeNode | None:
         """A final state was entered: the run ends, or a transition of the state around it follows.
@@ -543,15 +382,15 @@ class _Reader:
         """
         around = self.chart.parent(final)
         if around is self.root:
-            self._trigger("give_up" if is_failure(self.chart.name(final)) else "complete")
+            self.trigger("give_up" if is_failure(self.chart.name(final)) else "complete")
             return None
         if self._outer_join(around):
             self._arrive(around, self._outer_join(around))
         for each in self.chart.outwards(around):
             if each.index in self.marks and (each is around or each.tag == "parallel"):
-                self._trigger(self.marks[each.index])
+                self.trigger(self.marks[each.index])
         if around.index in self.done:
-            self._trigger(self.done[around.index])
+            self.trigger(self.done[around.index])
             return None
         rows = self._done_rows(around)
         return rows[0] if rows else None
@@ -560,11 +399,11 @@ class _Reader:
         """A region is done; a second one at the same time has a connection of its own."""
         if "trigger" in self.effects.get(join, ()):
             name = f"{self.chart.name(region)}: done"
-            extra = self._node(name, region, kind="join", need=1)
-            self._connect([(extra, Event.SUCCEEDED)], join)
+            extra = self.node(name, region, kind="join", need=1)
+            self.connect([(extra, Event.SUCCEEDED)], join)
             self.extras.setdefault(join, []).append(extra)
             join = extra
-        self._trigger(join)
+        self.trigger(join)
 
     # -- leaving ----------------------------------------------------------------------------
 
@@ -576,14 +415,14 @@ class _Reader:
             signals: list[Signal] = [(watcher, Event.SUCCEEDED)]
             if self.chart.cond(row):
                 choice = self._alternative(node, row, signals)
-                self._connect([(choice, Event.FAILED)], watcher)
+                self.connect([(choice, Event.FAILED)], watcher)
                 signals = [(choice, Event.SUCCEEDED)]
             elif row.text("event") and not self.chart.is_private(node, row):
                 signals = self._step(node, row, signals)
             self.taken.append((signals, node, row))
             inward = row.text("target") and self.chart.domain_of(node, row) is node
             if not row.text("target") or (inward and not self._is_followed(node, row)):
-                self._connect(signals, watcher)  # it stays active, and so does its watcher
+                self.connect(signals, watcher)  # it stays active, and so does its watcher
         if node.index in self.done:
             signals = [(self.done[node.index], Event.SUCCEEDED)]
             for row in self._done_rows(node):
@@ -596,8 +435,8 @@ class _Reader:
     def _step(self, node: TreeNode, row: TreeNode, signals: list[Signal]) -> list[Signal]:
         """A moment before a transition whose event is taken elsewhere too, or never comes."""
         name = f"{self.chart.name(node)}: on {row.text('event')}"
-        step = self._add(node, row, name, signals, TICK)
-        self._over(step, row, "event", self._cause(row))
+        step = self.add(node, row, name, signals, TICK)
+        self.over(step, row, "event", self._cause(row))
         return [(step, Event.SUCCEEDED)]
 
     def _outcomes(self, node: TreeNode, runner: str) -> None:
@@ -642,13 +481,15 @@ class _Reader:
             not self.chart.state_in(each) and (not each.text("event") or self.chart.external(each))
             for each in rows
         ):
-            self._connect(signals, runner)  # it stays, and waits for the next event
+            self.connect(signals, runner)  # it stays, and waits for the next event
         else:
-            self._connect(signals, self._perhaps(node, order[-1], runner))
+            self.connect(signals, self._perhaps(node, order[-1], runner))
 
     def _is_sure(self, row: TreeNode) -> bool:
         """True for a transition that is taken as soon as the environment says so."""
-        return not self.chart.cond(row) and (not row.text("event") or bool(self.chart.external(row)))
+        return not self.chart.cond(row) and (
+            not row.text("event") or bool(self.chart.external(row))
+        )
 
     def _alternative(
         self, node: TreeNode, row: TreeNode, signals: list[Signal], *, marked: bool = True
@@ -656,11 +497,11 @@ class _Reader:
         """A choice between a transition and what comes if it is not taken."""
         cond = self.chart.cond(row)
         name = f"{self.chart.name(node)}: {cond or row.text('event')}"
-        choice = self._add(node, row, name, signals)
+        choice = self.add(node, row, name, signals)
         if cond:
-            self._over(choice, row, "cond", Cause.VALUE)
+            self.over(choice, row, "cond", Cause.VALUE)
         elif marked:
-            self._over(choice, row, "event", self._cause(row))
+            self.over(choice, row, "event", self._cause(row))
         return choice
 
     def _cause(self, row: TreeNode) -> Cause:
@@ -683,11 +524,19 @@ class _Reader:
             return chart.follows and not chart.in_parallel(chart.domain_of(source, row))
         return chart.follows and source.index in self.runner and not chart.in_parallel(source)
 
-    def _moved(self, source: TreeNode, row: TreeNode) -> list[TreeNode]:
+    def _entered(self, source: TreeNode, row: TreeNode | None) -> list[TreeNode]:
         """The states that a transition enters; those that it leaves are stopped."""
-        targets = self.macrosteps.expanded(self.chart.targets(row), self.memory)
-        self._depart(source, row)
-        return self._arrived(self.chart.domain_of(source, row), targets)
+        targets, domain = self.macrosteps.initial(self.root)[0], self.root
+        if row is not None:
+            self.hear(self.chart.contents.of(row))
+            if not row.text("target"):
+                return [source] if source.index in self.runner else []
+            self._depart(source, row)
+            targets, domain = self.chart.targets(row), self.chart.domain_of(source, row)
+        states, rows = self.macrosteps.entered([(targets, domain)], self.memory)
+        for each in rows:
+            self.hear(self.chart.contents.of(each))
+        return states
 
     def _depart(self, source: TreeNode, row: TreeNode) -> None:
         """All that a transition leaves is stopped."""
@@ -724,37 +573,8 @@ class _Reader:
                 join = self.joins[each.index]
                 for name in (join, *self.extras.get(join, ())):
                     self.effects.pop(name, None)
-            self._hear(self.chart.contents.exit(each))
+            self.hear(self.chart.contents.exit(each))
             pending += self.chart.inside(each)
 
 
-# -- writing -----------------------------------------------------------------------------------
-
-
-def write(automaton: Automaton) -> str:
-    """A statechart with a state for each runner; where several act at once, one of regions.
-
-    A runner is left by the event ``name.succeeded`` or ``name.failed``. Raises CannotSayError.
-    """
-    try:
-        first, states = flat(automaton)
-    except CannotSayError:
-        return write_regions(automaton)
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<scxml xmlns="{NAMESPACE}" xmlns:gpsfsm="{OWN_NAMESPACE}"',
-        f'    version="1.0" initial="{first}">',
-    ]
-    for each in states:
-        own = " ".join(f"{key}={quoteattr(text)}" for key, text in own_of(each.element).items())
-        lines.append(f"  <state id={quoteattr(each.name)} {own}>")
-        lines += (
-            f'    <transition event="{each.name}.{event}" target="{target}"/>'
-            for event, target in (("succeeded", each.succeeded), ("failed", each.failed))
-        )
-        lines.append("  </state>")
-    lines += (f'  <final id="{name}"/>' for name in (COMPLETED, GAVE_UP))
-    return "\n".join((*lines, "</scxml>")) + "\n"
-
-
-FORMAT = Format("scxml", "SCXML statecharts without scripts", recognises, read, write)
+FORMAT = Format("scxml", "SCXML statecharts", recognises, read, write)

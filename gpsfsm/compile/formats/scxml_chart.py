@@ -14,12 +14,19 @@ from functools import cached_property
 from itertools import chain, combinations
 from typing import TYPE_CHECKING, Final
 
-from gpsfsm.compile.formats.scxml_content import ERRORS, EXPRESSIONS, Contents, Tokens, tokens
+from gpsfsm.compile.formats.scxml_content import (
+    ERRORS,
+    EXPRESSIONS,
+    Contents,
+    Tokens,
+    begins,
+    tokens,
+)
 from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Iterator
 
     from gpsfsm.compile.formats.elements import Elements
     from gpsfsm.model.tree import TreeNode
@@ -231,9 +238,7 @@ class Chart:
 
     def around(self, node: TreeNode) -> TreeNode:
         """The state that an element stands in, or is."""
-        return next(
-            each for each in self.outwards(node) if each.tag in STATES or each is self.root
-        )
+        return next(each for each in self.outwards(node) if each.tag in STATES or each is self.root)
 
     def outwards(self, node: TreeNode) -> Iterator[TreeNode]:
         """A state and those around it, the root last."""
@@ -322,7 +327,8 @@ class Chart:
         taken: set[Tokens] = set()
         for each in self.transitions(node):
             events = self.events(each)
-            if self.never_holds(each) or events and all(_begins(event, taken) for event in events):
+            dead = events and all(begins(event, taken) for event in events)
+            if dead or self.never_holds(each):
                 continue
             rows.append(each)
             if not self.cond(each):
@@ -335,7 +341,7 @@ class Chart:
         """Those that may be taken when the state is done."""
         rows: list[TreeNode] = []
         for each in self.live(node):
-            if _begins(self.done_event(node), self.events(each)):
+            if begins(self.done_event(node), self.events(each)):
                 rows.append(each)
                 if not self.cond(each):
                     break
@@ -348,8 +354,11 @@ class Chart:
     def is_by_end(self, node: TreeNode, row: TreeNode) -> bool:
         """True for a transition by the ends of states that are none of a parallel in its state."""
         ends = all(each[:2] == ("done", "state") for each in self.events(row))
-        regions = any(self.contains(node, each) for each in self.states if self.in_parallel(each))
-        return bool(row.text("event")) and ends and not regions
+        return (
+            bool(row.text("event"))
+            and ends
+            and not any(self.contains(node, each) for each in self.states if self.in_parallel(each))
+        )
 
     def external(self, row: TreeNode) -> list[Tokens]:
         """The names by which the environment alone can take a transition."""
@@ -539,8 +548,3 @@ class Chart:
             if each.tag != "parallel" and all(self.contains(each, target) for target in targets):
                 return each
         return self.root
-
-
-def _begins(name: Tokens, taken: Collection[Tokens]) -> bool:
-    """True if one of the taken names is what the name begins with."""
-    return any(name[:length] in taken for length in range(len(name) + 1))
