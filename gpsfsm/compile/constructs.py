@@ -243,7 +243,12 @@ SCXML: Final = (
         "which of them is taken is open",
         Cause.ORDER,
     ),
-    _over("event", "that only the machine itself sends", "it comes or not", Cause.EVENTS),
+    _over(
+        "event",
+        "that the machine itself may send, or that only it sends",
+        "it comes now, later or never",
+        Cause.EVENTS,
+    ),
     _exact("transition", "without event, if nothing else can happen", "it is taken at once"),
     _over(
         "",
@@ -252,6 +257,54 @@ SCXML: Final = (
         Cause.ORDER,
     ),
     _over("cond", "", "a choice", Cause.VALUE),
+    _exact(
+        "cond",
+        "`true` or `True` in its data model, `In()` where all active states are known",
+        "as it says",
+    ),
+    _exact(
+        "raise send",
+        "with a `send` to `#_internal`, where all active states are known",
+        "the macrostep is followed: transitions without event first, then the internal queue; "
+        "a moment that passes is a tick, and a state that only passes is no runner",
+    ),
+    _over(
+        "raise",
+        "in regions, beside states that are not known",
+        "its event comes now, later or never",
+        Cause.EVENTS,
+    ),
+    _over(
+        "send",
+        "of an event that a transition waits for; of any, with `eventexpr`",
+        "the event comes now, later or never",
+        Cause.EVENTS,
+    ),
+    _over(
+        "if foreach",
+        "around a `raise` that a transition waits for",
+        "any events of the machine itself come, or none",
+        Cause.EVENTS,
+    ),
+    _over(
+        "assign script log send cancel data param content if foreach",
+        "with an expression that may fail, if a transition waits for the error",
+        "any events of the machine itself come, or none",
+        Cause.EVENTS,
+    ),
+    _over(
+        "history",
+        "of up to 16 possibilities",
+        "a choice of its default and all that may have been active; only the default, if nothing "
+        "can have been",
+        Cause.HISTORY,
+    ),
+    _over(
+        "invoke",
+        "",
+        "any event comes now, later or never; what is inside is not looked at",
+        Cause.INVOKED,
+    ),
     _exact("done.state", "that only one state waits for", "its transition follows at once"),
     _over(
         "done.state",
@@ -260,25 +313,32 @@ SCXML: Final = (
         Cause.EVENTS,
         Cause.ORDER,
     ),
-    _skipped("data donedata assign", "", "conditions are choices anyway", Cause.DATA),
-    _skipped("log", "", "", Cause.NO_MEANING),
+    _skipped(
+        "data donedata assign script if foreach finalize param content",
+        "that raise nothing",
+        "conditions are choices anyway",
+        Cause.DATA,
+    ),
+    _skipped("log cancel", "", "what is cancelled may come anyway", Cause.NO_MEANING),
     _skipped("", "attributes that SCXML does not have here", "", Cause.NO_MEANING),
     _skipped(
         "transition", "after an unconditional one for the same events", "", Cause.EARLIER
     ),
+    _skipped("transition", "with a condition that is false, as it is written", "", Cause.FALSE),
     _skipped(
         "", "elements and attributes of other namespaces", "with all that is inside",
         Cause.NAMESPACE,
     ),
-    _refused("history", how="the previously active state decides where the machine continues"),
-    _refused("script if foreach", how="gpsfsm runs no scripts"),
-    _refused("send raise cancel", how="events that a machine sends are not followed"),
-    _refused("invoke", how="it invokes another machine"),
+    _refused(
+        "history",
+        "of more than 16 possibilities; one that a transition from within its state leads to",
+        "what is left would have to be known",
+    ),
     _refused(
         "",
         "other elements, or elements in a wrong place; targets that are never active together; "
-        "circles of transitions without event in a region; files that gpsfsm wrote and that were "
-        "changed",
+        "circles of transitions without event in a region; more than 2,000 moments that pass; files "
+        "that gpsfsm wrote and that were changed",
     ),
 )  # fmt: skip
 

@@ -55,6 +55,8 @@ class Cause(StrEnum):
     NOT_WRITTEN = "the file does not say it"
     DATA = "data is not read"
     EARLIER = "an earlier transition is always taken instead"
+    FALSE = "its condition never holds"
+    INVOKED = "what is invoked is another machine"
     PREEMPTION = "nobody is assumed to preempt it"
     IMPORTS = "it is assumed to replace no name that this file uses"
     ADDS_NOTHING = "it is assumed to add no state"

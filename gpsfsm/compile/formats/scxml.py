@@ -1,4 +1,4 @@
-"""SCXML (W3C, 2015): statecharts without scripts ↔ machines.
+"""SCXML (W3C, 2015): statecharts ↔ machines.
 
 An atomic state with transitions is a runner: it acts until one of its events comes. The names of
 the events tell how it ends, as those of outcomes do (``outcomes.py``). A transition of a state with
@@ -13,34 +13,32 @@ What gpsfsm writes itself (``scxml_writing``) is read by ``scxml_regions``.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
-from xml.sax.saxutils import quoteattr
+from typing import TYPE_CHECKING, Final
 
-from gpsfsm.compile.formats import CannotSayError, Format
-from gpsfsm.compile.formats.elements import Elements, place_of
-from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
+from gpsfsm.compile.formats import Format
+from gpsfsm.compile.formats.elements import Elements
 from gpsfsm.compile.formats.outcomes import is_failure
 from gpsfsm.compile.formats.scxml_chart import Chart
+from gpsfsm.compile.formats.scxml_macrosteps import LONGEST, Macrosteps, Moment, Nodes, Signal, Step
 from gpsfsm.compile.formats.scxml_regions import read_regions, runner_of
-from gpsfsm.compile.formats.scxml_writing import NAMESPACE, OWN_NAMESPACE, own_of, write_regions
-from gpsfsm.compile.machines import machine_of, mark
+from gpsfsm.compile.formats.scxml_writing import NAMESPACE, OWN_NAMESPACE, write
+from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.event import Event
-from gpsfsm.model.precision import Approximation, Cause, Reading
+from gpsfsm.model.precision import Cause
 from gpsfsm.model.printable import clip
 from gpsfsm.syntax.text import root_name
 
 if TYPE_CHECKING:
-    import networkx as nx
-
+    from gpsfsm.compile.formats.scxml_content import Doubt
+    from gpsfsm.compile.formats.scxml_macrosteps import Memory
     from gpsfsm.compile.machines import ReadMachine
-    from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.source import Limits
 
 _EVENTLESS: Final = "transition without event"
-_LONGEST: Final = 200
-Signal = tuple[str, Event]
+_MOST_MOMENTS: Final = 2_000
+_MOST_STEPS: Final = 10_000
 
 
 def recognises(text: str, file: str) -> bool:
@@ -67,83 +65,73 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
     )
 
 
-class _Reader:
+class _Reader(Nodes):
     def __init__(self, chart: Chart) -> None:
-        import networkx
-
-        self.chart = chart
-        self.elements = chart.elements
-        self.graph: nx.MultiDiGraph[Any] = networkx.MultiDiGraph()
-        self.places: dict[Any, Any] = {}
-        self.root = chart.root
+        super().__init__(chart)
         self.runner: dict[int, str] = {}  # by element: the node of an atomic state
         self.watchers: dict[int, list[str]] = {}  # by element: what watches while it is active
-        self.added: dict[int, list[str]] = {}  # by element: nodes that are stopped with it
         self.joins: dict[int, str] = {}
         self.extras: dict[str, list[str]] = {}  # by join: those in front of it
         self.done: dict[int, str] = {}  # by element: what stands between its end and what follows
         self.marks: dict[int, str] = {}  # by element: what its end marks
         self.uncertain: set[int] = set()  # elements whose done.state is watched for like an event
-        self.effects: dict[str, set[str]] = {}  # of one event: triggered, stopped, by node
         self.left: set[int] = set()  # the states that the last transition has left
         self.taken: list[tuple[list[Signal], TreeNode, TreeNode]] = []
         for name in ("begin", "complete", "give_up"):
-            self._node(name, self.root, kind="start" if name == "begin" else name)
+            self.node(name, self.root, kind="start" if name == "begin" else name)
+        self.macrosteps = Macrosteps(chart)
+        self.memory: Memory = {}
+        self.passing: dict[Moment, str] = {}  # by moment: the node of one that passes
+        self.passed: list[tuple[Moment, list[Step], list[Doubt]]] = []
         for each in chart.states:
-            if chart.inside(each) and chart.done(each) and chart.is_uncertain(each):
+            ends = chart.inside(each) and chart.done(each) and not self._is_calm(each)
+            if ends and chart.is_uncertain(each):
                 self.uncertain.add(each.index)
         for each in chart.states:
             self._make(each)
         for each in chart.states:
             self._leave(each)
-        self._go(("begin", Event.SUCCEEDED), [self.root])
+        begin: Signal = ("begin", Event.SUCCEEDED)
+        if chart.follows:
+            self._branch([begin], self.root, *self.macrosteps.begin())
+        else:
+            self._go(begin, self.root, None)
         for signals, source, row in self.taken:  # now that all nodes are there
             if not self.elements.problems:
                 self._take(signals, source, row)
-
-    # -- nodes ------------------------------------------------------------------------------
-
-    def _node(self, name: str, place: TreeNode, **data: Any) -> str:
-        unique, number = clip(name, _LONGEST - 20), 2
-        while unique in self.graph:
-            unique, number = f"{clip(name, _LONGEST - 20)}#{number}", number + 1
-        self.graph.add_node(unique, **data)
-        self.places[unique] = place_of(place)
-        return unique
-
-    def _over(self, name: str, place: TreeNode, construct: str, cause: Cause) -> None:
-        mark(self.graph, name, Approximation(Reading.OVER, construct, place.location, cause))
+        if not self.elements.problems:
+            self._pass()
 
     def _make(self, node: TreeNode) -> None:
         name, inside = self.chart.name(node), self.chart.inside(node)
         if node.tag == "state" and not inside:
             runner = runner_of(self.elements, node, name)
-            self.runner[node.index] = self._node(name, node, **runner)
+            self.runner[node.index] = self.node(name, node, **runner)
             self._mark_eventless(node)
         elif node.tag == "parallel" and self._is_counted(node):
             need = len(inside)
-            self.joins[node.index] = self._node(f"{name}: done", node, kind="join", need=need)
+            self.joins[node.index] = self.node(f"{name}: done", node, kind="join", need=need)
         if inside:
             self.watchers[node.index] = []
             for each in self._watched(node):
                 self._watch(node, each)
             self._make_mark(node)
             rows = self._done_rows(node)
-            if rows and (node.tag == "parallel" or rows[0].text("cond")):
+            if rows and (node.tag == "parallel" or self.chart.cond(rows[0])):
                 self._make_done(node)
         outer = self._outer_join(node)
         if outer and node.index in self.joins:
-            self._connect([(self.joins[node.index], Event.SUCCEEDED)], outer)
+            self.connect([(self.joins[node.index], Event.SUCCEEDED)], outer)
 
     def _mark_eventless(self, node: TreeNode) -> None:
         """An atomic state acts for a while, which the file says only of what waits for events."""
         for each in self.chart.live(node):
             if each.text("event"):
                 continue
-            if each.text("cond"):
-                self._over(self.runner[node.index], each, "cond", Cause.VALUE)
+            if self.chart.cond(each):
+                self.over(self.runner[node.index], each, "cond", Cause.VALUE)
             elif self._is_disturbed(node):
-                self._over(self.runner[node.index], each, _EVENTLESS, Cause.ORDER)
+                self.over(self.runner[node.index], each, _EVENTLESS, Cause.ORDER)
 
     def _is_disturbed(self, node: TreeNode) -> bool:
         """True if something else can happen while a state is active."""
@@ -164,48 +152,59 @@ class _Reader:
         """The transitions that follow at once when a state is done."""
         if not self.chart.inside(node) or node.index in self.uncertain:
             return []
-        rows = self.chart.done(node)
+        rows = [] if self._is_calm(node) else self.chart.done(node)
         return rows if any(each.text("target") for each in rows) else []
+
+    def _is_calm(self, node: TreeNode) -> bool:
+        """True for a state whose end always belongs to a macrostep that is followed."""
+        apart = node.tag != "parallel" and not self.chart.in_parallel(node)
+        return self.chart.follows and apart
 
     def _watched(self, node: TreeNode) -> list[TreeNode]:
         """The transitions of a state around others that may be taken at any time."""
         return [
             each
             for each in self.chart.live(node)
-            if (each.text("target") or each.text("cond") or self.chart.external(each))
+            if (
+                each.text("target")
+                or self.chart.cond(each)
+                or self.chart.outer(each)
+                or self.chart.contents.of(each).raises
+            )
+            and not (self._is_calm(node) and self.chart.is_by_end(node, each))
             and (node.index in self.uncertain or not self.chart.is_of_itself(node, each))
         ]
 
     def _watch(self, node: TreeNode, row: TreeNode) -> None:
         """While a state is active, an event may come: now, later or never."""
         text, event = f"{self.chart.name(node)}: {row.text('event') or 'always'}", row.text("event")
-        if event or row.text("cond") or not self.chart.is_left_at_once(node):
-            now = again = self._node(
-                text, row, kind="runner", interface=CHOICE, parameters={"of": clip(text, _LONGEST)}
-            )
-            if event and not self.chart.external(row):
+        if event or self.chart.cond(row) or not self.chart.is_left_at_once(node):
+            now = again = self.moment(text, row)
+            if self.chart.state_in(row) or (event and not self.chart.external(row)):
                 again = self._perhaps(node, row, now)
-            self._connect([(now, Event.FAILED)], again)
+            self.connect([(now, Event.FAILED)], again)
         else:
-            now = self._node(text, row, kind="runner", interface=TICK)
+            now = self.moment(text, row, TICK)
         if not event:
-            self._over(now, row, _EVENTLESS, Cause.ORDER)
+            self.over(now, row, _EVENTLESS, Cause.ORDER)
         self.watchers[node.index].append(now)
 
     def _perhaps(self, node: TreeNode, row: TreeNode, now: str) -> str:
         """A choice for what may never come: ``now`` follows later, or nothing."""
-        later = self._add(node, row, f"{clip(now, _LONGEST - 40)}: later", [])
-        self._over(later, row, "done.state", Cause.EVENTS)
-        self._connect([(later, Event.SUCCEEDED)], now)
-        self._connect([(later, Event.FAILED)], now, "stop")  # it does not come any more
+        later = self.add(node, row, f"{clip(now, LONGEST - 40)}: later", [])
+        self.over(later, row, "done.state", Cause.EVENTS)
+        self.connect([(later, Event.SUCCEEDED)], now)
+        self.connect([(later, Event.FAILED)], now, "stop")  # it does not come any more
         return later
 
     def _make_mark(self, node: TreeNode) -> None:
         """A node without consequences: entering it says that no run from here on is exact."""
-        handled = self._done_rows(node) and not self._done_rows(node)[-1].text("cond")
+        if self._is_calm(node):
+            return
+        handled = self._done_rows(node) and not self.chart.cond(self._done_rows(node)[-1])
         if node.index in self.uncertain or (not handled and self.chart.is_listened_for(node)):
-            join = self._node(f"{self.chart.name(node)}: its end", node, kind="join", need=1)
-            self._over(join, node, "done.state", Cause.EVENTS)
+            join = self.node(f"{self.chart.name(node)}: its end", node, kind="join", need=1)
+            self.over(join, node, "done.state", Cause.EVENTS)
             self.marks[node.index] = join
 
     def _make_done(self, node: TreeNode) -> None:
@@ -220,71 +219,146 @@ class _Reader:
         if node.tag == "parallel" and any(
             each.tag == "parallel" or chart.live(each) for each in chart.inside(node)
         ):
-            then = self._add(node, node, f"{name}: all regions are done", signals)
-            self._over(then, node, "parallel", Cause.ORDER)
-            self._connect([(then, Event.FAILED)], self._perhaps(node, node, then))
+            then = self.add(node, node, f"{name}: all regions are done", signals)
+            self.over(then, node, "parallel", Cause.ORDER)
+            self.connect([(then, Event.FAILED)], self._perhaps(node, node, then))
         else:
-            then = self._add(node, node, f"{name}: then", signals, TICK)
+            then = self.add(node, node, f"{name}: then", signals, TICK)
             if self._is_disturbed(node):
-                self._over(then, node, "done.state", Cause.ORDER)
+                self.over(then, node, "done.state", Cause.ORDER)
         self.done[node.index] = then
-
-    def _add(
-        self, node: TreeNode, place: TreeNode, of: str, signals: list[Signal], kind: str = CHOICE
-    ) -> str:
-        """A choice or tick that follows signals, and is stopped when the state is left."""
-        parameters = {"of": clip(of, _LONGEST)} if kind == CHOICE else {}
-        name = self._node(of, place, kind="runner", interface=kind, parameters=parameters)
-        self.added.setdefault(node.index, []).append(name)
-        self._connect(signals, name)
-        return name
-
-    def _connect(self, signals: list[Signal], target: str, action: str = "trigger") -> None:
-        for source, event in signals:
-            if (source, action) != (target, "stop"):  # whoever emits it has ended
-                self.graph.add_edge(source, target, event=event.value, action=action)
 
     # -- entering ---------------------------------------------------------------------------
 
-    def _go(self, signal: Signal, targets: list[TreeNode]) -> None:
-        """An event enters states, and all follows that follows at once.
+    def _go(self, signal: Signal, source: TreeNode, row: TreeNode | None) -> None:
+        """A transition whose configuration is not known; without one, the start."""
+        effects, doubts = self.macrosteps.forked(lambda memory: self._effects(memory, source, row))
+        for each, last in self.alternatives([signal], row or source, len(effects), doubts):
+            self.effects = effects[last]
+            self.emit(each)
+
+    def _effects(
+        self, memory: Memory, source: TreeNode, row: TreeNode | None
+    ) -> dict[str, set[str]]:
+        """The effects of a transition, and of all that follows at once.
 
         A final state that is entered is a transition of its own, once all else has been entered
         (W3C, appendix D). What that leaves again was never active.
         """
-        pending, steps = list(reversed(targets)), 0
+        self.memory, self.effects, self.noise = memory, {}, []
         ended: list[TreeNode] = []
-        while pending or ended:
-            steps += 1
-            if not pending:
-                node = ended.pop(0)
-                done = self._ended(node)
-                if done is not None:
-                    around = self.chart.parent(node)
-                    self.left.clear()
-                    pending = list(reversed(self._moved(around, done)))
-                    ended = [each for each in ended if not self._is_left(each)]
-                continue
-            node = pending.pop()
-            if steps > 10_000:
-                self.elements.fault(node, "this is entered without end", "let something happen")
+        pending = self._entered(source, row)
+        for _ in range(_MOST_STEPS):
+            for node in pending:
+                self._begin(node)
+                if node.index in self.runner:
+                    self.trigger(self.runner[node.index])
+            ended += [each for each in pending if each.tag == "final"]
+            pending = []
+            if not ended:
                 break
-            self._begin(node)
-            if node.index in self.runner:
-                self._trigger(self.runner[node.index])
-            elif node.tag == "final":
-                ended.append(node)
-            elif node.tag == "parallel":
-                pending += reversed(self.chart.inside(node))
-            else:
-                pending += reversed(self._arrived(node, self._initial(node)))
-        for target, actions in self.effects.items():
-            for action in sorted(actions):
-                self._connect([signal], target, action)
-        self.effects.clear()
+            done = self._ended(ended[0])
+            around = self.chart.parent(ended.pop(0))
+            if done is not None:
+                self.left.clear()
+                pending = self._entered(around, done)
+                ended = [each for each in ended if not self._is_left(each)]
+        else:
+            self.elements.fault(source, "this is entered without end", "let something happen")
+        self.tell()
+        return self.effects
 
-    def _trigger(self, name: str) -> None:
-        self.effects.setdefault(name, set()).add("trigger")
+    # -- macrosteps that are followed ---------------------------------------------------------
+
+    def _branch(
+        self,
+        signals: list[Signal],
+        place: TreeNode,
+        steps: list[Step],
+        doubts: list[Doubt],
+        row: TreeNode | None = None,
+    ) -> None:
+        """What follows a signal: stable configurations, and moments that pass.
+
+        ``row``: the transition out of a stable configuration that it is the signal of.
+        """
+        for signal, number in self.alternatives(signals, row or place, len(steps), doubts):
+            step = steps[number]
+            name = self._passing_of(step.moment) if step.moment is not None else ""
+            self.effects = {}
+            if row is not None and name:
+                self._stop_around(place)
+            elif row is not None and row.text("target"):
+                self._depart(place, row)
+            if name:
+                self.trigger(name)
+            else:
+                self._enter(place, step, row)
+            for each in step.doubts:
+                self.trigger(self.marker(each))
+            self.emit(signal)
+
+    def _enter(self, place: TreeNode, step: Step, row: TreeNode | None) -> None:
+        """A stable configuration: all of it, or what a transition has entered."""
+        entered = step.entered
+        if row is not None and not entered:
+            entered = frozenset([place.index])
+        for index in sorted(entered):
+            node = self.elements.nodes[index]
+            self._begin(node)
+            around = self.chart.parent(node)
+            if index in self.runner:
+                self.trigger(self.runner[index])
+            elif node.tag == "final" and around is self.root:
+                self.trigger("give_up" if is_failure(self.chart.name(node)) else "complete")
+            elif node.tag == "final" and self._outer_join(around):
+                self._arrive(around, self._outer_join(around))
+        if row is not None and row.text("target") and self.chart.domain_of(place, row) is place:
+            for watcher in self.watchers.get(place.index, ()):
+                self.trigger(watcher)  # it stays active
+
+    def _passing_of(self, moment: Moment) -> str:
+        """The node of a moment that passes, "" for one that is stable."""
+        if moment not in self.passing:
+            steps, doubts = self.macrosteps.steps(moment)
+            self.passing[moment] = ""
+            if [each.moment for each in steps] != [None]:
+                leaf = self.elements.nodes[max(moment.active)]
+                name = f"{self.chart.name(leaf)} passes"
+                kind = CHOICE if len(steps) > 1 else TICK
+                self.passing[moment] = self.moment(name, leaf, kind)
+                self.passed.append((moment, steps, doubts))
+                if len(self.passed) > _MOST_MOMENTS:
+                    message = f"the machine passes through more than {_MOST_MOMENTS} moments"
+                    self.elements.fault(leaf, message, "raise fewer events")
+        return self.passing[moment]
+
+    def _pass(self) -> None:
+        """What follows the moments that pass, and what is left of states that only pass."""
+        for moment, steps, doubts in self.passed:  # grows
+            if self.elements.problems:
+                return
+            name = self.passing[moment]
+            leaf = self.elements.nodes[max(moment.active)]
+            whole = [each._replace(entered=(each.moment or moment).active) for each in steps]
+            signals: list[Signal] = [(name, Event.SUCCEEDED)]
+            if len(steps) > 1:
+                for construct, element, cause in doubts:
+                    self.over(name, element, construct, cause)
+                self._branch(signals, leaf, whole[:1], doubts)
+                signals, whole = [(name, Event.FAILED)], whole[1:]
+            self._branch(signals, leaf, whole, doubts)
+        reached = self.reached()
+        kept = set() if self.chart.follows else set(self.graph)
+        only_passed = {
+            index
+            for moment, *_ in self.passed
+            if self.passing[moment] in reached
+            for index in moment.active
+        }
+        self.finish(
+            kept.union(name for index, name in self.runner.items() if index not in only_passed)
+        )
 
     def _is_left(self, node: TreeNode) -> bool:
         """True for what lies in a state that the last transition has left."""
@@ -293,35 +367,13 @@ class _Reader:
     def _begin(self, node: TreeNode) -> None:
         """A state around others becomes active: its watchers start, its join forgets."""
         for watcher in self.watchers.get(node.index, ()):
-            self._trigger(watcher)
+            self.trigger(watcher)
         if node.index in self.joins:
             self.effects[self.joins[node.index]] = {"stop"}
-
-    def _arrived(self, domain: TreeNode, targets: list[TreeNode]) -> list[TreeNode]:
-        """The states to be entered with all they begin with, of those below ``domain``.
-
-        What lies around the targets begins here, and the other regions are entered as well.
-        """
-        around: dict[int, TreeNode] = {}
-        for target in targets:
-            for each in self.chart.outwards(self.chart.parent(target)):
-                if each.index == domain.index:
-                    break
-                around[each.index] = each
-        whole = [each for each in targets if each.index not in around]
-        inner = {*around, *(each.index for each in whole)}
-        for _, each in sorted(around.items()):
-            self._begin(each)
-            if each.tag == "parallel":
-                whole += (child for child in self.chart.inside(each) if child.index not in inner)
-        return sorted(whole, key=lambda each: each.index)
-
-    def _initial(self, node: TreeNode) -> list[TreeNode]:
-        names = node.text("initial").split()
+        self.hear(self.chart.contents.entry(node))
         for each in self.elements.children(node):
-            if each.tag == "initial":
-                names = self.chart.transitions(each)[0].text("target").split()
-        return [self.chart.ids[name] for name in names] if names else self.chart.inside(node)[:1]
+            if each.tag == "invoke":
+                self.trigger(self.marker(("invoke", each, Cause.INVOKED)))
 
     def _ended(self, final: TreeNode) -> TreeNode | None:
         """A final state was entered: the run ends, or a transition of the state around it follows.
@@ -330,15 +382,15 @@ class _Reader:
         """
         around = self.chart.parent(final)
         if around is self.root:
-            self._trigger("give_up" if is_failure(self.chart.name(final)) else "complete")
+            self.trigger("give_up" if is_failure(self.chart.name(final)) else "complete")
             return None
         if self._outer_join(around):
             self._arrive(around, self._outer_join(around))
         for each in self.chart.outwards(around):
             if each.index in self.marks and (each is around or each.tag == "parallel"):
-                self._trigger(self.marks[each.index])
+                self.trigger(self.marks[each.index])
         if around.index in self.done:
-            self._trigger(self.done[around.index])
+            self.trigger(self.done[around.index])
             return None
         rows = self._done_rows(around)
         return rows[0] if rows else None
@@ -347,11 +399,11 @@ class _Reader:
         """A region is done; a second one at the same time has a connection of its own."""
         if "trigger" in self.effects.get(join, ()):
             name = f"{self.chart.name(region)}: done"
-            extra = self._node(name, region, kind="join", need=1)
-            self._connect([(extra, Event.SUCCEEDED)], join)
+            extra = self.node(name, region, kind="join", need=1)
+            self.connect([(extra, Event.SUCCEEDED)], join)
             self.extras.setdefault(join, []).append(extra)
             join = extra
-        self._trigger(join)
+        self.trigger(join)
 
     # -- leaving ----------------------------------------------------------------------------
 
@@ -361,20 +413,21 @@ class _Reader:
         watchers = self.watchers.get(node.index, ())  # atomic states have none
         for watcher, row in zip(watchers, self._watched(node), strict=False):
             signals: list[Signal] = [(watcher, Event.SUCCEEDED)]
-            if row.text("cond"):
+            if self.chart.cond(row):
                 choice = self._alternative(node, row, signals)
-                self._connect([(choice, Event.FAILED)], watcher)
+                self.connect([(choice, Event.FAILED)], watcher)
                 signals = [(choice, Event.SUCCEEDED)]
             elif row.text("event") and not self.chart.is_private(node, row):
                 signals = self._step(node, row, signals)
             self.taken.append((signals, node, row))
-            if not row.text("target") or self.chart.domain_of(node, row) is node:
-                self._connect(signals, watcher)  # it stays active, and so does its watcher
+            inward = row.text("target") and self.chart.domain_of(node, row) is node
+            if not row.text("target") or (inward and not self._is_followed(node, row)):
+                self.connect(signals, watcher)  # it stays active, and so does its watcher
         if node.index in self.done:
             signals = [(self.done[node.index], Event.SUCCEEDED)]
             for row in self._done_rows(node):
                 taken = signals
-                if row.text("cond"):
+                if self.chart.cond(row):
                     choice = self._alternative(node, row, signals)
                     taken, signals = [(choice, Event.SUCCEEDED)], [(choice, Event.FAILED)]
                 self.taken.append((taken, node, row))
@@ -382,8 +435,8 @@ class _Reader:
     def _step(self, node: TreeNode, row: TreeNode, signals: list[Signal]) -> list[Signal]:
         """A moment before a transition whose event is taken elsewhere too, or never comes."""
         name = f"{self.chart.name(node)}: on {row.text('event')}"
-        step = self._add(node, row, name, signals, TICK)
-        self._over(step, row, "event", self._cause(row))
+        step = self.add(node, row, name, signals, TICK)
+        self.over(step, row, "event", self._cause(row))
         return [(step, Event.SUCCEEDED)]
 
     def _outcomes(self, node: TreeNode, runner: str) -> None:
@@ -424,26 +477,31 @@ class _Reader:
         runner = self.runner[node.index]
         if sure:
             self.taken.append((signals, node, sure[-1]))
-        elif any(not each.text("event") or self.chart.external(each) for each in rows):
-            self._connect(signals, runner)  # it stays, and waits for the next event
+        elif any(
+            not self.chart.state_in(each) and (not each.text("event") or self.chart.external(each))
+            for each in rows
+        ):
+            self.connect(signals, runner)  # it stays, and waits for the next event
         else:
-            self._connect(signals, self._perhaps(node, order[-1], runner))
+            self.connect(signals, self._perhaps(node, order[-1], runner))
 
     def _is_sure(self, row: TreeNode) -> bool:
         """True for a transition that is taken as soon as the environment says so."""
-        return not row.text("cond") and (not row.text("event") or bool(self.chart.external(row)))
+        return not self.chart.cond(row) and (
+            not row.text("event") or bool(self.chart.external(row))
+        )
 
     def _alternative(
         self, node: TreeNode, row: TreeNode, signals: list[Signal], *, marked: bool = True
     ) -> str:
         """A choice between a transition and what comes if it is not taken."""
-        cond = row.text("cond")
+        cond = self.chart.cond(row)
         name = f"{self.chart.name(node)}: {cond or row.text('event')}"
-        choice = self._add(node, row, name, signals)
+        choice = self.add(node, row, name, signals)
         if cond:
-            self._over(choice, row, "cond", Cause.VALUE)
+            self.over(choice, row, "cond", Cause.VALUE)
         elif marked:
-            self._over(choice, row, "event", self._cause(row))
+            self.over(choice, row, "event", self._cause(row))
         return choice
 
     def _cause(self, row: TreeNode) -> Cause:
@@ -451,15 +509,37 @@ class _Reader:
 
     def _take(self, signals: list[Signal], source: TreeNode, row: TreeNode) -> None:
         """A transition: what it leaves is stopped, and its targets are entered."""
-        for signal in signals:
-            if row.text("target"):
-                self._go(signal, self._moved(source, row))
-            elif source.index in self.runner:  # the state stays as it is
-                self._go(signal, [source])
+        if self._is_followed(source, row):
+            clean = self.macrosteps.is_clean(source)
+            self._branch(signals, source, *self.macrosteps.start(source, row, clean=clean), row)
+            return
+        stays = source.index in self.runner or self.chart.contents.of(row).raises
+        for signal in signals if row.text("target") or stays else ():
+            self._go(signal, source, row)
 
-    def _moved(self, source: TreeNode, row: TreeNode) -> list[TreeNode]:
+    def _is_followed(self, source: TreeNode, row: TreeNode) -> bool:
+        """True for a transition after which all active states are known."""
+        chart = self.chart
+        if row.text("target"):
+            return chart.follows and not chart.in_parallel(chart.domain_of(source, row))
+        return chart.follows and source.index in self.runner and not chart.in_parallel(source)
+
+    def _entered(self, source: TreeNode, row: TreeNode | None) -> list[TreeNode]:
         """The states that a transition enters; those that it leaves are stopped."""
-        targets = self.chart.targets(row)
+        targets, domain = self.macrosteps.initial(self.root)[0], self.root
+        if row is not None:
+            self.hear(self.chart.contents.of(row))
+            if not row.text("target"):
+                return [source] if source.index in self.runner else []
+            self._depart(source, row)
+            targets, domain = self.chart.targets(row), self.chart.domain_of(source, row)
+        states, rows = self.macrosteps.entered([(targets, domain)], self.memory)
+        for each in rows:
+            self.hear(self.chart.contents.of(each))
+        return states
+
+    def _depart(self, source: TreeNode, row: TreeNode) -> None:
+        """All that a transition leaves is stopped."""
         domain, left = self.chart.domain_of(source, row), [source]
         if domain.index == source.index:
             left = self.chart.inside(source)
@@ -467,7 +547,16 @@ class _Reader:
             left = [self.chart.parent(left[0])]
         for each in left:
             self._stop(each)
-        return self._arrived(domain, targets)
+
+    def _stop_around(self, source: TreeNode) -> None:
+        """All that may be active with a state is stopped."""
+        around = [each for each in self.chart.outwards(source) if each is not self.root]
+        regions = [each for each in around if each.tag == "parallel"]
+        self._stop((regions or [source])[-1])
+        for each in around:
+            for rows in (self.watchers, self.added):
+                for name in rows.get(each.index, ()):
+                    self.effects[name] = {"stop"}
 
     def _stop(self, node: TreeNode) -> None:
         """All that is active in a state is stopped, and its end counts no more."""
@@ -484,36 +573,8 @@ class _Reader:
                 join = self.joins[each.index]
                 for name in (join, *self.extras.get(join, ())):
                     self.effects.pop(name, None)
+            self.hear(self.chart.contents.exit(each))
             pending += self.chart.inside(each)
 
 
-# -- writing -----------------------------------------------------------------------------------
-
-
-def write(automaton: Automaton) -> str:
-    """A statechart with a state for each runner; where several act at once, one of regions.
-
-    A runner is left by the event ``name.succeeded`` or ``name.failed``. Raises CannotSayError.
-    """
-    try:
-        first, states = flat(automaton)
-    except CannotSayError:
-        return write_regions(automaton)
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<scxml xmlns="{NAMESPACE}" xmlns:gpsfsm="{OWN_NAMESPACE}"',
-        f'    version="1.0" initial="{first}">',
-    ]
-    for each in states:
-        own = " ".join(f"{key}={quoteattr(text)}" for key, text in own_of(each.element).items())
-        lines.append(f"  <state id={quoteattr(each.name)} {own}>")
-        lines += (
-            f'    <transition event="{each.name}.{event}" target="{target}"/>'
-            for event, target in (("succeeded", each.succeeded), ("failed", each.failed))
-        )
-        lines.append("  </state>")
-    lines += (f'  <final id="{name}"/>' for name in (COMPLETED, GAVE_UP))
-    return "\n".join((*lines, "</scxml>")) + "\n"
-
-
-FORMAT = Format("scxml", "SCXML statecharts without scripts", recognises, read, write)
+FORMAT = Format("scxml", "SCXML statecharts", recognises, read, write)

@@ -14,72 +14,80 @@ from functools import cached_property
 from itertools import chain, combinations
 from typing import TYPE_CHECKING, Final
 
+from gpsfsm.compile.formats.scxml_content import (
+    ERRORS,
+    EXPRESSIONS,
+    Contents,
+    Tokens,
+    begins,
+    tokens,
+)
 from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Iterator
 
     from gpsfsm.compile.formats.elements import Elements
     from gpsfsm.model.tree import TreeNode
 
 STATES: Final = ("state", "parallel", "final")
-_REFUSED: Final = {
-    "history": "what was active before decides where it goes on",
-    "script": "gpsfsm runs no scripts",
-    "send": "events that a machine sends are not followed",
-    "raise": "events that a machine raises are not followed",
-    "invoke": "what is invoked is another machine",
-    "if": "gpsfsm runs no scripts",
-    "foreach": "gpsfsm runs no scripts",
-    "cancel": "events that a machine sends are not followed",
-}
-_BLOCKS: Final = ("onentry", "onexit", "transition")
+_BLOCKS: Final = ("onentry", "onexit", "transition", "finalize", "if", "foreach")
+_OPERANDS: Final = ("send", "invoke", "donedata")
 _AROUND: Final = {
     "state": ("scxml", "state", "parallel"),
     "parallel": ("scxml", "state", "parallel"),
     "final": ("scxml", "state"),
     "initial": ("state",),
-    "transition": ("state", "parallel", "initial"),
+    "history": ("state", "parallel"),
+    "transition": ("state", "parallel", "initial", "history"),
     "onentry": STATES,
     "onexit": STATES,
     "datamodel": ("scxml", "state", "parallel"),
     "data": ("datamodel",),
     "donedata": ("final",),
-    "log": _BLOCKS,
-    "assign": _BLOCKS,
+    "script": ("scxml", *_BLOCKS),
+    **dict.fromkeys(("raise", "send", "cancel", "log", "assign", "if", "foreach"), _BLOCKS),
+    **dict.fromkeys(("elseif", "else"), ("if",)),
+    "invoke": ("state", "parallel"),
+    "finalize": ("invoke",),
+    **dict.fromkeys(("param", "content"), _OPERANDS),
 }
 """The elements that are read, and where they may stand."""
-_UNREAD: Final = ("data", "donedata", "assign", "log")
-"""Elements whose content is not SCXML; of these nothing is read."""
+_SKIPPED: Final = {
+    **dict.fromkeys(("data", "donedata", "assign", "script", "param", "content"), Cause.DATA),
+    **dict.fromkeys(("if", "foreach", "finalize"), Cause.DATA),
+    **dict.fromkeys(("log", "cancel"), Cause.NO_MEANING),
+}
+"""Elements that are skipped, except that their expressions may raise an error."""
+_OPAQUE: Final = ("data", "assign", "script", "param", "content", "log", "cancel")
+"""Elements whose content is not SCXML, or the SCXML of another machine: it is not looked at."""
+_HOLDS: Final = {"true": ("", "ecmascript"), "True": ("", "python")}
+"""The literals that hold, by the data models."""
 _ATTRIBUTES: Final = {
     "scxml": ("initial", "name", "version", "datamodel", "binding", "exmode", "gpsfsm:form"),
     "state": ("id", "initial", "gpsfsm:interface", "gpsfsm:provider", "gpsfsm:parameters"),
     "parallel": ("id",),
     "final": ("id",),
     "transition": ("event", "cond", "target", "type"),
-}
+    "history": ("id", "type"),
+    "raise": ("event",),
+    "send": (
+        "event", "eventexpr", "target", "targetexpr", "type", "typeexpr", "id", "idlocation",
+        "delay", "delayexpr", "namelist",
+    ),
+    "invoke": (
+        "type", "typeexpr", "src", "srcexpr", "id", "idlocation", "namelist", "autoforward",
+    ),
+}  # fmt: skip
 _INTERNAL: Final = (
     ("done", "state"), ("done", "invoke"), ("error", "execution"), ("error", "communication"),
     ("error", "platform"),
 )  # fmt: skip
 """The events that only the machine itself raises, by their first tokens."""
-_ERROR: Final = ("error", "execution")
 _LONGER: Final = "\0"
 _MOST_TARGETS: Final = 50
 _LONGEST: Final = 200
-Tokens = tuple[str, ...]
-
-
-def tokens(descriptor: str) -> Tokens:
-    """The tokens that the name of an event has to begin with.
-
-    >>> tokens("nav.failed.*"), tokens("*")
-    (('nav', 'failed'), ())
-    """
-    if descriptor in ("*", ".*"):
-        return ()
-    return tuple(descriptor.removesuffix("*").removesuffix(".").split("."))
 
 
 class Chart:
@@ -89,49 +97,49 @@ class Chart:
         self.elements = elements
         self._fault = elements.fault
         self.root = elements.nodes[0]
-        self.states = [each for each in elements.nodes if each.tag in STATES]
         self.ids: dict[str, TreeNode] = {}
         self.approximations = [*elements.skipped]
         self._unread: set[int] = set()
         for node in elements.nodes[1:]:
             self._element(node)
-        for node in elements.nodes:
-            if node.index not in self._unread:
-                self._attributes(node)
-        for node in self.states:
+        self.read = [each for each in elements.nodes if each.index not in self._unread]
+        self.states = [each for each in self.read if each.tag in STATES]
+        self.histories = [each for each in self.read if each.tag == "history"]
+        for node in self.read:
+            self._attributes(node)
+        for node in (*self.states, *self.histories):
             name = node.text("id")
             if name and self.ids.setdefault(name, node) is not node:
                 self._fault(node, f"there are two states {name!r}", "rename one of them")
         if not self.inside(self.root):
             self._fault(self.root, "there is no state here", "add one")
         if not elements.problems:  # else there are names that mean nothing
-            for node in elements.nodes:
+            for node in self.read:
                 self._references(node)
         if not elements.problems:
             self._circles()
         for node in self.states:
             live = self.live(node)
             for each in self.transitions(node):
-                if each not in live:
+                if self.never_holds(each):
+                    self._skip("transition", each, Cause.FALSE)
+                elif each not in live:
                     self._skip("transition", each, Cause.EARLIER)
 
     # -- what is there ----------------------------------------------------------------------
 
     def _element(self, node: TreeNode) -> None:
         tag, parent = node.tag, self.parent(node)
-        if parent.index in self._unread or (parent.tag in _UNREAD and tag not in _REFUSED):
+        if parent.index in self._unread or parent.tag in _OPAQUE:
             self._unread.add(node.index)
-        elif tag in _REFUSED:
-            self._fault(node, f"<{tag}> is not read: {_REFUSED[tag]}", "leave it out")
         elif tag not in _AROUND:
             message = f"<{clip(tag, _LONGEST)}> is not an SCXML element"
             self._fault(node, message, "remove it")
         elif parent.tag not in _AROUND[tag]:
-            if parent.tag not in _REFUSED:
-                message = f"a <{clip(parent.tag, _LONGEST)}> cannot contain a <{tag}>"
-                self._fault(node, message, "move or remove it")
-        elif tag in _UNREAD:
-            self._skip(tag, node, Cause.DATA if tag != "log" else Cause.NO_MEANING)
+            message = f"a <{clip(parent.tag, _LONGEST)}> cannot contain a <{tag}>"
+            self._fault(node, message, "move or remove it")
+        elif tag in _SKIPPED:
+            self._skip(tag, node, _SKIPPED[tag])
 
     def _skip(self, construct: str, node: TreeNode, cause: Cause = Cause.NO_MEANING) -> None:
         self.approximations.append(
@@ -140,18 +148,26 @@ class Chart:
 
     def _attributes(self, node: TreeNode) -> None:
         for attribute in node.attributes:
-            if node.tag not in _UNREAD and attribute.name not in _ATTRIBUTES.get(node.tag, ()):
+            known = (*_ATTRIBUTES.get(node.tag, ()), *EXPRESSIONS.get(node.tag, ()))
+            if node.tag not in _OPAQUE and attribute.name not in known:
                 self._skip(f"attribute {attribute.name}", node)
         if node.tag == "transition":
             self._transition(node)
-        if node.tag == "initial":
+        if node.tag == "raise" and not node.text("event").strip():
+            self._fault(node, "this <raise> has no event", "name one")
+        if node.tag == "history" and node.text("type") not in ("", "shallow", "deep"):
+            message = f"a history has no type {clip(node.text('type'), _LONGEST)!r}"
+            self._fault(node, message, 'write type="shallow" or type="deep"')
+        if node.tag in ("initial", "history"):
             if len(self.elements.children(node)) != 1:
-                self._fault(node, "<initial> does not have exactly one transition", "write one")
-            if self.parent(node).attribute("initial") is not None:
+                message = f"<{node.tag}> does not have exactly one transition"
+                self._fault(node, message, "write one")
+            if node.tag == "initial" and self.parent(node).attribute("initial") is not None:
                 self._fault(node, "this state has an initial attribute as well", "remove one")
 
     def _transition(self, node: TreeNode) -> None:
-        first = self.parent(node).tag == "initial"
+        around = self.parent(node).tag
+        first = around in ("initial", "history")
         for name in ("event", "cond", "target"):
             if node.attribute(name) is not None and not node.text(name).strip():
                 self._fault(node, f"the {name} of this transition is empty", "write or remove it")
@@ -162,21 +178,25 @@ class Chart:
             message = "this transition has neither event, cond nor target"
             self._fault(node, message, "add one of them: it would be taken without end")
         elif first and (node.text("event") or node.text("cond") or not node.text("target")):
-            message = "the transition of <initial> needs a target, and neither event nor cond"
+            message = f"the transition of <{around}> needs a target, and neither event nor cond"
             self._fault(node, message, "write its target alone")
 
     def _references(self, node: TreeNode) -> None:
         name = "target" if node.tag == "transition" else "initial"
         around = self.root
-        if node.tag == "state" or self.parent(node).tag == "initial":
+        first = self.parent(node).tag in ("initial", "history")
+        if node.tag == "state" or first:
             around = node if node.tag == "state" else self.parent(self.parent(node))
         targets: list[TreeNode] = []
-        for each in node.text(name).split() if node.tag in _ATTRIBUTES else ():
+        named = node.tag in ("scxml", "state", "transition")
+        for each in node.text(name).split() if named else ():
             message = ""
             if each not in self.ids:
                 message = f"there is no state {clip(each, _LONGEST)!r}"
             elif around is not self.root and not self.contains(around, self.ids[each]):
                 message = f"the initial state {clip(each, _LONGEST)!r} is not in this state"
+            elif self.ids[each].tag == "history" and self._is_odd(node, self.ids[each]):
+                message = f"the history {clip(each, _LONGEST)!r} cannot be followed from here"
             else:
                 targets.append(self.ids[each])
             if message:
@@ -186,6 +206,17 @@ class Chart:
         ):
             message = f"the targets {clip(node.text(name), _LONGEST)!r} are never active together"
             self._fault(node, message, "name one state in each region of a <parallel>")
+
+    def _is_odd(self, node: TreeNode, history: TreeNode) -> bool:
+        """True for a history where it would have to be known what is left: from within its state.
+
+        One that leads to another history, or that belongs to a whole parallel, is as rare.
+        """
+        source = self.parent(node)
+        several = len(node.text("target").split()) > 1
+        whole = several and self.parent(history).tag == "parallel"
+        inward = source.tag in STATES and self.contains(self.parent(history), source)
+        return whole or source.tag == "history" or (node.tag == "transition" and inward)
 
     # -- structure --------------------------------------------------------------------------
 
@@ -205,6 +236,10 @@ class Chart:
         """The id of a state, or where it stands."""
         return node.text("id") or f"{node.tag}@{node.line}:{node.column}"
 
+    def around(self, node: TreeNode) -> TreeNode:
+        """The state that an element stands in, or is."""
+        return next(each for each in self.outwards(node) if each.tag in STATES or each is self.root)
+
     def outwards(self, node: TreeNode) -> Iterator[TreeNode]:
         """A state and those around it, the root last."""
         while node.index != self.root.index:
@@ -223,8 +258,9 @@ class Chart:
     @cached_property
     def _in_regions(self) -> frozenset[int]:
         inside: set[int] = set()
-        for node in self.states:
-            if self.parent(node).tag == "parallel" or node.parent in inside:
+        for node in sorted((*self.states, *self.histories), key=lambda each: each.index):
+            region = self.parent(node).tag == "parallel" and node.tag != "history"
+            if region or node.parent in inside:
                 inside.add(node.index)
         return frozenset(inside)
 
@@ -245,6 +281,44 @@ class Chart:
         """True for what lies in a region."""
         return node.index in self._in_regions
 
+    # -- conditions -------------------------------------------------------------------------
+
+    @cached_property
+    def contents(self) -> Contents:
+        """The executable content of the chart."""
+        return Contents(self)
+
+    def cond(self, row: TreeNode) -> str:
+        """The condition of an element, "" if it always holds."""
+        text = row.text("cond").strip()
+        holds = self.root.text("datamodel") in _HOLDS.get(text, ()) or self._is_around(row)
+        return "" if holds else text
+
+    def never_holds(self, row: TreeNode) -> bool:
+        """True for a transition whose condition is false, wherever the machine is."""
+        state, source = self.state_in(row), self.parent(row)
+        if state is None or source.tag not in STATES:
+            return row.text("cond").strip() in ("false", "False")
+        possible = self.contains(source, state) or self.is_beside(source, state)
+        return not possible and not self._is_around(row)
+
+    def _is_around(self, row: TreeNode) -> bool:
+        """True for a transition on condition that its own state is active, or one around it."""
+        state, source = self.state_in(row), self.parent(row)
+        return state is not None and (state is source or self.contains(state, source))
+
+    def state_in(self, row: TreeNode) -> TreeNode | None:
+        """The state that a condition ``In('state')`` asks for."""
+        text = row.text("cond").strip()
+        inner = text[3:-1].strip() if text.startswith("In(") and text.endswith(")") else ""
+        quoted = len(inner) > 2 and inner[0] == inner[-1] and inner[0] in "'\""
+        found = self.ids.get(inner[1:-1]) if quoted else None
+        return found if found is not None and found.tag in STATES else None
+
+    def is_undecided(self, node: TreeNode) -> bool:
+        """True for an element with a condition that has to be evaluated."""
+        return bool(self.cond(node)) and not self.never_holds(node) and not self.state_in(node)
+
     # -- transitions ------------------------------------------------------------------------
 
     def live(self, node: TreeNode) -> list[TreeNode]:
@@ -252,11 +326,12 @@ class Chart:
         rows: list[TreeNode] = []
         taken: set[Tokens] = set()
         for each in self.transitions(node):
-            events = self._events(each)
-            if events and all(_begins(event, taken) for event in events):
+            events = self.events(each)
+            dead = events and all(begins(event, taken) for event in events)
+            if dead or self.never_holds(each):
                 continue
             rows.append(each)
-            if not each.text("cond"):
+            if not self.cond(each):
                 if not events:
                     return [row for row in rows if not row.text("event")]
                 taken.update(events)
@@ -266,21 +341,35 @@ class Chart:
         """Those that may be taken when the state is done."""
         rows: list[TreeNode] = []
         for each in self.live(node):
-            if _begins(self._done_event(node), self._events(each)):
+            if begins(self.done_event(node), self.events(each)):
                 rows.append(each)
-                if not each.text("cond"):
+                if not self.cond(each):
                     break
         return rows
 
     def is_of_itself(self, node: TreeNode, row: TreeNode) -> bool:
         """True for a transition by the end of its state alone."""
-        return set(self._events(row)) == {self._done_event(node)}
+        return set(self.events(row)) == {self.done_event(node)}
+
+    def is_by_end(self, node: TreeNode, row: TreeNode) -> bool:
+        """True for a transition by the ends of states that are none of a parallel in its state."""
+        ends = all(each[:2] == ("done", "state") for each in self.events(row))
+        return (
+            bool(row.text("event"))
+            and ends
+            and not any(self.contains(node, each) for each in self.states if self.in_parallel(each))
+        )
 
     def external(self, row: TreeNode) -> list[Tokens]:
-        """The names by which the environment can take a transition."""
-        return [each for each in self._events(row) if each[:2] not in _INTERNAL]
+        """The names by which the environment alone can take a transition."""
+        return [each for each in self.outer(row) if not self.contents.is_own(each)]
 
-    def _events(self, row: TreeNode) -> list[Tokens]:
+    def outer(self, row: TreeNode) -> list[Tokens]:
+        """The names by which the environment, too, can take a transition."""
+        return [each for each in self.events(row) if each[:2] not in _INTERNAL]
+
+    def events(self, row: TreeNode) -> list[Tokens]:
+        """What the names of its events have to begin with."""
         return [tokens(text) for text in row.text("event").split()]
 
     def is_private(self, node: TreeNode, row: TreeNode) -> bool:
@@ -289,7 +378,7 @@ class Chart:
             not any(
                 self._rivals(node, row, each)
                 for length in range(len(name) + 1)
-                for each in self._near(node, self._by_name.get(name[:length], []))
+                for each in self._near(node, self.by_name.get(name[:length], []))
             )
             for event in self.external(row)
             for name in (event, (*event, _LONGER))
@@ -317,11 +406,12 @@ class Chart:
         return self.contains(node, source) or self.is_beside(node, source)
 
     @cached_property
-    def _by_name(self) -> dict[Tokens, list[TreeNode]]:
+    def by_name(self) -> dict[Tokens, list[TreeNode]]:
+        """The transitions by what the names of their events have to begin with."""
         rows: dict[Tokens, list[TreeNode]] = {}
         for node in self.states:
             for each in self.transitions(node):
-                for event in self._events(each):
+                for event in self.events(each):
                     rows.setdefault(event, []).append(each)
         for named in rows.values():
             named.sort(key=lambda row: row.index)
@@ -344,7 +434,7 @@ class Chart:
             for row in self.live(node):
                 if row.text("event") and row not in self.done(node):
                     continue
-                for target in self.targets(row):
+                for target in map(self._whole, self.targets(row)):
                     graph.add_edges_from(
                         (node.index, each.index)
                         for each in (*eventless, *self._with_done)
@@ -358,6 +448,25 @@ class Chart:
                 message = "transitions without event may lead in a circle, beside other regions"
                 self._fault(node, message, "let one of them wait for an event")
 
+    def _whole(self, target: TreeNode) -> TreeNode:
+        """The state of which a history may enter anything."""
+        return self.parent(target) if target.tag == "history" else target
+
+    @cached_property
+    def follows(self) -> bool:
+        """True if more has to be known of a macrostep than which states it leaves and enters.
+
+        Else a state with a transition without event is a runner, too, which acts for a while.
+        """
+        contents = self.contents
+        decided = any(
+            row.text("cond") and not self.is_undecided(row)
+            for node in self.states
+            for row in self.transitions(node)
+        )
+        own = contents.raised or contents.sent or contents.sends_any or contents.raises_any
+        return bool(own or self.histories or decided)
+
     @cached_property
     def _eventless(self) -> list[TreeNode]:
         return [
@@ -367,11 +476,10 @@ class Chart:
     @cached_property
     def _hasty(self) -> list[TreeNode]:
         """The states with transitions that may be taken before one by a ``done.state`` event."""
-        errors = any(
-            each.tag in _UNREAD or each.attribute("cond") is not None
-            for each in self.elements.nodes
-        )
-        return [*self._eventless, *(self._naming(_ERROR) if errors else ())]
+        events = [*self.contents.raised, *(ERRORS if self.contents.fails else ())]
+        if self.contents.raises_any:
+            events = [(*name, _LONGER) for name in self.by_name]
+        return [*self._eventless, *chain.from_iterable(map(self._naming, events))]
 
     @cached_property
     def _with_done(self) -> list[TreeNode]:
@@ -379,7 +487,7 @@ class Chart:
 
     def _naming(self, event: Tokens) -> list[TreeNode]:
         """The states with a transition for an event."""
-        rows = (self._by_name.get(event[:length], ()) for length in range(len(event) + 1))
+        rows = (self.by_name.get(event[:length], ()) for length in range(len(event) + 1))
         return [self.parent(each) for each in chain.from_iterable(rows)]
 
     def _is_active(self, node: TreeNode, others: list[TreeNode]) -> bool:
@@ -399,7 +507,7 @@ class Chart:
         """
         return (
             self._is_rushed(node)
-            or self._has_beside(node, self._naming(self._done_event(node)))
+            or self._has_beside(node, self._naming(self.done_event(node)))
             or any(
                 self._leaves(each, row, node)
                 for each in self._with_done
@@ -411,13 +519,14 @@ class Chart:
 
     def is_listened_for(self, node: TreeNode) -> bool:
         """True if other states may have transitions for the ``done.state`` of a state."""
-        others = [each for each in self._naming(self._done_event(node)) if each is not node]
+        others = [each for each in self._naming(self.done_event(node)) if each is not node]
         return self._is_active(node, others) or (bool(others) and self._is_rushed(node))
 
     def _is_rushed(self, node: TreeNode) -> bool:
         return any(each is node for each in self._hasty) or self._is_active(node, self._hasty)
 
-    def _done_event(self, node: TreeNode) -> Tokens:
+    def done_event(self, node: TreeNode) -> Tokens:
+        """The name of the event that a state is done."""
         return ("done", "state", *tokens(self.name(node)))
 
     def _leaves(self, source: TreeNode, row: TreeNode, other: TreeNode) -> bool:
@@ -439,8 +548,3 @@ class Chart:
             if each.tag != "parallel" and all(self.contains(each, target) for target in targets):
                 return each
         return self.root
-
-
-def _begins(name: Tokens, taken: Collection[Tokens]) -> bool:
-    """True if one of the taken names is what the name begins with."""
-    return any(name[:length] in taken for length in range(len(name) + 1))

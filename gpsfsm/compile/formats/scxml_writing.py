@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Final
 from xml.sax.saxutils import quoteattr
 
 from gpsfsm.compile.formats import CannotSayError
+from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.machines import written
 from gpsfsm.model.automaton import PAPER, NodeKind, Signal
 from gpsfsm.model.event import Event
@@ -41,6 +42,32 @@ OWN_NAMESPACE: Final = "urn:gpsfsm"
 _NO_NAME = re.compile(r"[^A-Za-z0-9_]+")
 _WORDS: Final = {each: each.value.lower() for each in Event}
 _ENDS: Final = ((NodeKind.GIVE_UP, "gave_up"), (NodeKind.COMPLETE, "completed"))
+
+
+def write(automaton: Automaton) -> str:
+    """A statechart with a state for each runner; where several act at once, one of regions.
+
+    A runner is left by the event ``name.succeeded`` or ``name.failed``. Raises CannotSayError.
+    """
+    try:
+        first, states = flat(automaton)
+    except CannotSayError:
+        return write_regions(automaton)
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<scxml xmlns="{NAMESPACE}" xmlns:gpsfsm="{OWN_NAMESPACE}"',
+        f'    version="1.0" initial="{first}">',
+    ]
+    for each in states:
+        own = " ".join(f"{key}={quoteattr(text)}" for key, text in own_of(each.element).items())
+        lines.append(f"  <state id={quoteattr(each.name)} {own}>")
+        lines += (
+            f'    <transition event="{each.name}.{event}" target="{target}"/>'
+            for event, target in (("succeeded", each.succeeded), ("failed", each.failed))
+        )
+        lines.append("  </state>")
+    lines += (f'  <final id="{name}"/>' for name in (COMPLETED, GAVE_UP))
+    return "\n".join((*lines, "</scxml>")) + "\n"
 
 
 def write_regions(automaton: Automaton, ids: list[str] | None = None) -> str:

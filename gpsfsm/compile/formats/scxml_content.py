@@ -1,0 +1,280 @@
+"""The executable content of an SCXML document: the events that it raises and sends.
+
+What a block raises is known unless an expression decides it, or an error that somebody waits for.
+
+    <onentry><raise event="x"/><log expr="y"/></onentry>    raises x; with a transition for "error",
+                                                            nobody knows what comes then
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from gpsfsm.model.precision import Cause
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from gpsfsm.compile.formats.scxml_chart import Chart
+    from gpsfsm.model.tree import TreeNode
+
+Tokens = tuple[str, ...]
+Queue = tuple[Tokens, ...] | None
+"""The internal events that have not been processed yet; None where they are not known."""
+Doubt = tuple[str, "TreeNode", Cause]
+"""A construct that a run passes through, after which the run may be none of the file."""
+
+ERRORS: Final = (("error", "execution"), ("error", "communication"), ("error", "platform"))
+"""The events of what goes wrong."""
+EXPRESSIONS: Final = {
+    "if": ("cond",),
+    "elseif": ("cond",),
+    "foreach": ("array", "item", "index"),
+    "assign": ("expr", "location"),
+    "log": ("expr",),
+    "data": ("expr", "src"),
+    "param": ("expr", "location"),
+    "content": ("expr",),
+    "cancel": ("sendidexpr",),
+    "send": ("eventexpr", "targetexpr", "typeexpr", "delayexpr", "namelist", "idlocation"),
+}
+"""The attributes that are evaluated, by element."""
+_FAILING: Final = ("assign", "script", "foreach", "invoke")
+_INTERNAL: Final = "#_internal"
+_OURS: Final = (
+    "", "scxml", "http://www.w3.org/TR/scxml", "http://www.w3.org/TR/scxml/",
+    "http://www.w3.org/TR/scxml/#SCXMLEventProcessor",
+)  # fmt: skip
+_MORE: Final = "\0"
+_LONGEST_QUEUE: Final = 30
+
+
+def tokens(descriptor: str) -> Tokens:
+    """The tokens that the name of an event has to begin with.
+
+    >>> tokens("nav.failed.*"), tokens("*")
+    (('nav', 'failed'), ())
+    """
+    if descriptor in ("*", ".*"):
+        return ()
+    return tuple(descriptor.removesuffix("*").removesuffix(".").split("."))
+
+
+def is_literal(text: str) -> bool:
+    """True for an expression that cannot fail: a text, a number, or nothing.
+
+    >>> [is_literal(text) for text in ("'a'", "1.5", "x + 1")]
+    [True, True, False]
+    """
+    text = text.strip()
+    inner = text[1:-1]
+    if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
+        return text[0] not in inner and "\\" not in inner
+    return not text or text.replace(".", "", 1).isdecimal()
+
+
+class Effect(NamedTuple):
+    """What a block of executable content does."""
+
+    queue: Queue = ()
+    doubts: tuple[Doubt, ...] = ()
+    raises: tuple[TreeNode, ...] = ()  # the elements that raise something somebody waits for
+
+    def then(self, other: Effect) -> Effect:
+        """One block after the other."""
+        queue = None if self.queue is None or other.queue is None else self.queue + other.queue
+        if queue is not None and len(queue) > _LONGEST_QUEUE:
+            queue = None
+        return Effect(queue, self.doubts + other.doubts, self.raises + other.raises)
+
+
+class Contents:
+    """The events that a chart sends itself, as far as a transition waits for them."""
+
+    def __init__(self, chart: Chart) -> None:
+        self.chart = chart
+        self.raised: set[Tokens] = set()
+        self.sent: set[Tokens] = set()
+        self.raises_any = self.sends_any = self.fails = self.late = False
+        self._effects: dict[int, Effect] = {}
+        for node in chart.read:
+            if node.tag in ("raise", "send"):
+                self._sends(node)
+            elif node.tag == "invoke":
+                self.sends_any = self.late = True
+            failing = self._can_fail(node)
+            undecided = node.tag == "transition" and chart.is_undecided(node)
+            self.fails = self.fails or failing or undecided
+            self.late = self.late or (failing and node.tag == "send")
+        self.errors = self.fails and any(map(self.hears, ERRORS))
+        """True if something may fail, and a transition waits for the error."""
+        self.late = self.late and self.errors
+        """True if an error may come at any time: what has been sent or invoked fails."""
+
+    def _sends(self, node: TreeNode) -> None:
+        inward = self.is_inward(node)
+        if not node.text("event"):
+            self.raises_any, self.sends_any = self.raises_any or inward, True
+            return
+        name = tuple(node.text("event").split("."))
+        if self.hears(name):
+            (self.raised if inward else self.sent).add(name)
+
+    def is_inward(self, node: TreeNode) -> bool:
+        """True for what puts an event into the internal queue."""
+        return node.tag == "raise" or node.text("target").strip() == _INTERNAL
+
+    def hears(self, name: Tokens) -> bool:
+        """True if a transition waits for an event of this name."""
+        return any(name[:length] in self.chart.by_name for length in range(len(name) + 1))
+
+    def is_own(self, start: Tokens) -> bool:
+        """True for what an event of the machine itself may begin with."""
+        names = (*self.raised, *self.sent)
+        return bool(start) and (
+            self.sends_any or any(name[: len(start)] == start for name in names)
+        )
+
+    def _can_fail(self, node: TreeNode) -> bool:
+        texts = [node.text(each) for each in EXPRESSIONS.get(node.tag, ())]
+        if node.tag in ("if", "elseif"):
+            return self.chart.is_undecided(node)
+        if node.tag == "send":
+            target, kind = node.text("target").strip(), node.text("type").strip()
+            inside = self.chart.elements.children(node)
+            if (
+                target not in ("", _INTERNAL)
+                or kind not in _OURS
+                or any(map(self._can_fail, inside))
+            ):
+                return True
+        if node.tag == "data" and not node.text("expr"):
+            return True  # its text is not looked at
+        return node.tag in _FAILING or not all(map(is_literal, texts))
+
+    # -- blocks -----------------------------------------------------------------------------
+
+    def of(self, block: TreeNode) -> Effect:
+        """The effect of a block: of a transition, of ``onentry`` or the like."""
+        if block.index not in self._effects:
+            effect = Effect()
+            for each in self.chart.elements.children(block):
+                effect = effect.then(self._one(each))
+            self._effects[block.index] = effect
+        return self._effects[block.index]
+
+    def _one(self, node: TreeNode) -> Effect:
+        """The effect of one element; an error that somebody waits for makes the queue unknown."""
+        doubt: Doubt = (node.tag, node, Cause.EVENTS)
+        effect = Effect()
+        if node.tag in ("if", "foreach"):
+            inner = self.of(node)
+            certain = inner.queue == ()
+            effect = Effect((), inner.doubts) if certain else Effect(None, (doubt,), inner.raises)
+        elif node.tag in ("raise", "send"):
+            effect = self._event(node, doubt)
+        if self.errors and self._can_fail(node):
+            effect = Effect(None, (*effect.doubts, doubt), effect.raises or (node,))
+        return effect
+
+    def _event(self, node: TreeNode, doubt: Doubt) -> Effect:
+        name, inward = tuple(node.text("event").split(".")), self.is_inward(node)
+        if not node.text("event"):
+            return Effect(None, (doubt,), (node,)) if inward else Effect((), (doubt,))
+        if not self.hears(name):
+            return Effect()
+        return Effect((name,), (), (node,)) if inward else Effect((), (doubt,))
+
+    def entry(self, state: TreeNode) -> Effect:
+        """What happens when a state is entered, but for its ``done.state`` and its transitions."""
+        effect, late = Effect(), self.chart.root.text("binding") == "late"
+        children = self.chart.elements.children(state)
+        tags = ("datamodel",) if late else ()
+        for tag in (*tags, "onentry", "donedata"):
+            for each in children:
+                effect = effect.then(self.of(each)) if each.tag == tag else effect
+        return effect
+
+    def exit(self, state: TreeNode) -> Effect:
+        """What happens when a state is left."""
+        effect = Effect()
+        for each in self.chart.elements.children(state):
+            effect = effect.then(self.of(each)) if each.tag == "onexit" else effect
+        return effect
+
+    def start(self) -> Effect:
+        """What happens before the first state is entered."""
+        effect = Effect()
+        for each in self.chart.read:
+            if each.tag == "datamodel":
+                effect = effect.then(self.of(each))
+            elif each.tag == "script" and self.chart.parent(each) is self.chart.root:
+                effect = effect.then(self._one(each))
+        return effect
+
+    # -- what may happen --------------------------------------------------------------------
+
+    @cached_property
+    def internal(self) -> dict[Tokens, list[Tokens]]:
+        """Internal events by each beginning that a transition names; one of those alike."""
+        names: set[Tokens] = {*self.raised, *(ERRORS if self.errors else ())}
+        names |= {self.chart.done_event(each) for each in self.chart.states}
+        if self.raises_any:
+            names |= {(*start, *more) for start in self.chart.by_name for more in ((), (_MORE,))}
+        alike: dict[tuple[Tokens, ...], Tokens] = {}
+        for name in sorted(names):
+            starts = (name[:length] for length in range(len(name) + 1))
+            alike.setdefault(tuple(each for each in starts if each in self.chart.by_name), name)
+        rows: dict[Tokens, list[Tokens]] = {}
+        for key, name in alike.items():
+            for start in key:
+                rows.setdefault(start, []).append(name)
+        return rows
+
+    @cached_property
+    def may_go_on(self) -> bool:
+        """True if a macrostep beside unknown states may raise events without end."""
+        import networkx
+
+        chart = self.chart
+        if self.raises_any or not (self.raised or self.errors):
+            return self.raises_any
+        rows = [
+            (node, row, self._raises(node, row))
+            for node in chart.states
+            for row in chart.live(node)
+            if not row.text("event") or any(self.internal.get(each) for each in chart.events(row))
+        ]
+        graph: networkx.DiGraph[int] = networkx.DiGraph()
+        for number, (source, row, raised) in enumerate(rows):
+            domain = chart.domain_of(source, row)
+            for other, (node, then, _) in enumerate(rows):
+                if not then.text("event"):
+                    inside = row.text("target") and chart.contains(domain, node)
+                    follows = bool(inside or chart.cond(then))
+                else:
+                    follows = any(begins(name, chart.events(then)) for name in raised)
+                if follows:
+                    graph.add_edge(number, other)
+        return not networkx.is_directed_acyclic_graph(graph)
+
+    def _raises(self, source: TreeNode, row: TreeNode) -> set[Tokens]:
+        """All that a transition may raise, whatever it leaves and enters."""
+        chart = self.chart
+        states = []
+        if row.text("target"):
+            domain = chart.domain_of(source, row)
+            states = [each for each in chart.states if chart.contains(domain, each)]
+        effects = [self.of(row), *map(self.entry, states), *map(self.exit, states)]
+        names = {name for each in effects for name in each.queue or ()}
+        names |= {chart.done_event(chart.parent(each)) for each in states if each.tag == "final"}
+        names |= {chart.done_event(each) for each in states if each.tag == "parallel"}
+        if any(each.queue is None for each in effects):
+            names |= self.raised | set(ERRORS)
+        return names | (set(ERRORS) if self.errors and chart.cond(row) else set())
+
+
+def begins(name: Tokens, starts: Iterable[Tokens]) -> bool:
+    """True if one of the beginnings is that of the name."""
+    return any(name[: len(start)] == start for start in starts)
