@@ -278,7 +278,7 @@ class _Reader(Nodes):
         doubts: list[Doubt],
         row: TreeNode | None = None,
     ) -> None:
-        """What follows a signal: stable configurations, and moments that pass.
+        """Connections to all that may follow a signal: stable configurations, and moments that pass.
 
         ``row``: the transition out of a stable configuration that it is the signal of.
         """
@@ -334,7 +334,7 @@ class _Reader(Nodes):
         return self.passing[moment]
 
     def _pass(self) -> None:
-        """What follows the moments that pass, and what is left of states that only pass."""
+        """Connect the moments that pass; states that only pass are no runners."""
         for moment, steps, doubts in self.passed:  # grows
             if self.elements.problems:
                 return
@@ -479,7 +479,7 @@ class _Reader(Nodes):
             self.taken.append((signals, node, sure[-1]))
         elif any(
             not self.chart.state_in(each) and (not each.text("event") or self.chart.external(each))
-            for each in rows
+            for each in self.chart.live(node)
         ):
             self.connect(signals, runner)  # it stays, and waits for the next event
         else:

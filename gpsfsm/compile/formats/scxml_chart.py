@@ -148,8 +148,8 @@ class Chart:
 
     def _attributes(self, node: TreeNode) -> None:
         for attribute in node.attributes:
-            known = (*_ATTRIBUTES.get(node.tag, ()), *EXPRESSIONS.get(node.tag, ()))
-            if node.tag not in _OPAQUE and attribute.name not in known:
+            names = (*_ATTRIBUTES.get(node.tag, ()), *EXPRESSIONS.get(node.tag, ()))
+            if node.tag not in _OPAQUE and attribute.name not in names:
                 self._skip(f"attribute {attribute.name}", node)
         if node.tag == "transition":
             self._transition(node)
@@ -312,8 +312,8 @@ class Chart:
         text = row.text("cond").strip()
         inner = text[3:-1].strip() if text.startswith("In(") and text.endswith(")") else ""
         quoted = len(inner) > 2 and inner[0] == inner[-1] and inner[0] in "'\""
-        found = self.ids.get(inner[1:-1]) if quoted else None
-        return found if found is not None and found.tag in STATES else None
+        state = self.ids.get(inner[1:-1]) if quoted else None
+        return state if state is not None and state.tag in STATES else None
 
     def is_undecided(self, node: TreeNode) -> bool:
         """True for an element with a condition that has to be evaluated."""
@@ -369,7 +369,7 @@ class Chart:
         return [each for each in self.events(row) if each[:2] not in _INTERNAL]
 
     def events(self, row: TreeNode) -> list[Tokens]:
-        """What the names of its events have to begin with."""
+        """The tokens that the names of its events have to begin with."""
         return [tokens(text) for text in row.text("event").split()]
 
     def is_private(self, node: TreeNode, row: TreeNode) -> bool:

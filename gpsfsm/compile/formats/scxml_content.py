@@ -75,7 +75,7 @@ def is_literal(text: str) -> bool:
 
 
 class Effect(NamedTuple):
-    """What a block of executable content does."""
+    """The events of a block of executable content."""
 
     queue: Queue = ()
     doubts: tuple[Doubt, ...] = ()
@@ -187,7 +187,7 @@ class Contents:
         return Effect((name,), (), (node,)) if inward else Effect((), (doubt,))
 
     def entry(self, state: TreeNode) -> Effect:
-        """What happens when a state is entered, but for its ``done.state`` and its transitions."""
+        """The effect of entering a state, but for its ``done.state`` and its transitions."""
         effect, late = Effect(), self.chart.root.text("binding") == "late"
         children = self.chart.elements.children(state)
         tags = ("datamodel",) if late else ()
@@ -197,14 +197,14 @@ class Contents:
         return effect
 
     def exit(self, state: TreeNode) -> Effect:
-        """What happens when a state is left."""
+        """The effect of leaving a state."""
         effect = Effect()
         for each in self.chart.elements.children(state):
             effect = effect.then(self.of(each)) if each.tag == "onexit" else effect
         return effect
 
     def start(self) -> Effect:
-        """What happens before the first state is entered."""
+        """The effect of the start, before the first state is entered."""
         effect = Effect()
         for each in self.chart.read:
             if each.tag == "datamodel":
@@ -260,19 +260,32 @@ class Contents:
         return not networkx.is_directed_acyclic_graph(graph)
 
     def _raises(self, source: TreeNode, row: TreeNode) -> set[Tokens]:
-        """All that a transition may raise, whatever it leaves and enters."""
-        chart = self.chart
-        states = []
+        """All that a transition may raise by what it leaves and enters."""
+        chart, states, left = self.chart, list["TreeNode"](), list["TreeNode"]()
         if row.text("target"):
             domain = chart.domain_of(source, row)
-            states = [each for each in chart.states if chart.contains(domain, each)]
-        effects = [self.of(row), *map(self.entry, states), *map(self.exit, states)]
+            states = [each for end in chart.targets(row) for each in self._span(domain, end)]
+            outermost = source if domain is source else self._span(domain, source)[-1]
+            left = [outermost, *self._span(domain, outermost)]
+        effects = [self.of(row), *map(self.entry, states), *map(self.exit, left)]
         names = {name for each in effects for name in each.queue or ()}
         names |= {chart.done_event(chart.parent(each)) for each in states if each.tag == "final"}
         names |= {chart.done_event(each) for each in states if each.tag == "parallel"}
         if any(each.queue is None for each in effects):
             names |= self.raised | set(ERRORS)
         return names | (set(ERRORS) if self.errors and chart.cond(row) else set())
+
+
+    def _span(self, domain: TreeNode, state: TreeNode) -> list[TreeNode]:
+        """The states that may become active with a state: those around it last, regions, inside."""
+        chart, around = self.chart, list["TreeNode"]()
+        for each in chart.outwards(state if state.tag != "history" else chart.parent(state)):
+            if each is domain or each is chart.root:
+                break
+            around.append(each)
+        regions = [each for each in around if each.tag == "parallel"]
+        top = (regions or around[:1] or [state])[-1]
+        return [*(each for each in chart.states if chart.contains(top, each)), *around]
 
 
 def begins(name: Tokens, starts: Iterable[Tokens]) -> bool:

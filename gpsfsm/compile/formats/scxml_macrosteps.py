@@ -42,7 +42,7 @@ LONGEST: Final = 200
 
 
 class Moment(NamedTuple):
-    """What is active within a macrostep, and what waits in the internal queue.
+    """The active states within a macrostep, and the events in the internal queue.
 
     ``left``: the states with a history that have been left; None where that is not known.
     """
@@ -53,7 +53,7 @@ class Moment(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What follows a moment: another one, or None where it is stable."""
+    """A moment that follows another one; None where that is stable."""
 
     moment: Moment | None
     doubts: tuple[Doubt, ...] = ()
@@ -113,17 +113,17 @@ class Macrosteps:
             message = "too many conditions may hold or not while this is active"
             self.chart.elements.fault(leaves[0], message, "use fewer conditions")
             options = [each[-1:] for each in options]
-        found: dict[tuple[TreeNode, ...], None] = {}
+        results: dict[tuple[TreeNode, ...], None] = {}
         for chosen in product(*options):
             rows = list(dict.fromkeys(each for each in chosen if each is not None))
-            found.setdefault(self._compatible(active, rows))
+            results.setdefault(self._compatible(active, rows))
         unsure = {
             row.index: row
             for each in options
             for row in each
             if row is not None and self.holds(row, active) is None
         }
-        return list(found), [("cond", row, Cause.VALUE) for row in unsure.values()]
+        return list(results), [("cond", row, Cause.VALUE) for row in unsure.values()]
 
     def _compatible(self, active: frozenset[int], rows: list[TreeNode]) -> tuple[TreeNode, ...]:
         """The transitions without those that another one preempts."""
@@ -148,7 +148,7 @@ class Macrosteps:
     # -- entering ---------------------------------------------------------------------------
 
     def options(self, history: TreeNode, left: frozenset[int] | None) -> list[tuple[TreeNode, ...]]:
-        """Where a history may lead: first its default, then what may have been active."""
+        """The targets that a history may stand for: first its default, then what may have been active."""
         parent = self.chart.parent(history)
         row = self.chart.transitions(history)[0]
         default = (row, *self.chart.targets(row))
@@ -179,20 +179,20 @@ class Macrosteps:
     def forked(
         self, run: Callable[[Memory], T], left: frozenset[int] | None = None
     ) -> tuple[list[T], list[Doubt]]:
-        """What comes of each possibility of each history that it depends on."""
-        found: list[T] = []
+        """The results of a function for each possibility of each history that it depends on."""
+        results: list[T] = []
         doubts: dict[int, Doubt] = {}
         pending: list[Memory] = [{}]
         while pending:
             memory = pending.pop()
             try:
-                found.append(run(memory))
+                results.append(run(memory))
             except ForkError as fork:
                 history, options = fork.history, self.options(fork.history, left)
                 pending += [{**memory, history.index: each} for each in reversed(options)]
                 if len(options) > 1:
                     doubts[history.index] = ("history", history, Cause.HISTORY)
-        return found, list(doubts.values())
+        return results, list(doubts.values())
 
     def expanded(self, targets: Iterable[TreeNode], memory: Memory) -> list[TreeNode]:
         """The targets with what histories stand for. Raises ForkError."""
@@ -248,7 +248,7 @@ class Macrosteps:
         return self._entering(moment, pairs, effect)
 
     def _leave(self, sure: list[TreeNode], outermost: TreeNode, effect: Effect) -> Effect:
-        """What is done when states are left; others may be active in the outermost of them."""
+        """The effect of leaving states; others may be active in the outermost of them."""
         for each in reversed(self._loud):
             if each in sure or self.chart.contains(outermost, each):
                 effect = effect.then(self.contents.exit(each))
@@ -283,7 +283,7 @@ class Macrosteps:
         return True
 
     def steps(self, moment: Moment) -> tuple[list[Step], list[Doubt]]:
-        """What may follow a moment, and what decides."""
+        """The steps that may follow a moment, and what decides."""
         if any(
             self.nodes[each].tag == "final" and not self.nodes[each].parent
             for each in moment.active
@@ -291,7 +291,7 @@ class Macrosteps:
             return [Step(None)], []
         choices, doubts = self.selections(moment.active, None)
         queue = None if doubts and self.contents.errors else moment.queue
-        found: list[Step] = []
+        results: list[Step] = []
         for chosen in choices:
             if chosen:
                 steps, more = self._taken(moment, chosen, queue)
@@ -299,10 +299,10 @@ class Macrosteps:
                 steps, more = self._any(moment)
             else:
                 steps, more = self._next(moment, queue)
-            found += steps
+            results += steps
             doubts += more
         merged: dict[Moment | None, Step] = {}
-        for each in found:
+        for each in results:
             other = merged.get(each.moment, each)
             doubts_of = tuple(dict.fromkeys((*other.doubts, *each.doubts)))
             merged[each.moment] = each._replace(doubts=doubts_of)
@@ -315,12 +315,12 @@ class Macrosteps:
             if choices == [()]:
                 continue
             rest = None if doubts and self.contents.errors else queue[number + 1 :]
-            found: list[Step] = []
+            results: list[Step] = []
             for chosen in choices:
                 steps, more = self._taken(moment, chosen, rest)
-                found += steps
+                results += steps
                 doubts += more
-            return found, doubts
+            return results, doubts
         return [Step(None)], []
 
     def _any(self, moment: Moment) -> tuple[list[Step], list[Doubt]]:
@@ -332,14 +332,14 @@ class Macrosteps:
             for start in self.chart.events(row)
         }
         names = {name for start in starts for name in self.contents.internal.get(start, ())}
-        found, doubts = [Step(None)], list[Doubt]()
+        results, doubts = [Step(None)], list[Doubt]()
         for name in sorted(names):
             for chosen in self.selections(moment.active, name)[0]:
                 if any(each.text("target") or self.contents.of(each).raises for each in chosen):
                     steps, more = self._taken(moment, chosen, None)
-                    found += steps
+                    results += steps
                     doubts += [*more, ("event", chosen[0], Cause.EVENTS)]
-        return found, doubts
+        return results, doubts
 
     def _taken(
         self, moment: Moment, rows: tuple[TreeNode, ...], queue: Queue
@@ -414,11 +414,11 @@ class _Entry:
     def _into(self, targets: list[TreeNode], around: TreeNode) -> None:
         for each in targets:
             if each.tag == "history":
-                found = self.steps.expanded([each], self.memory)
+                results = self.steps.expanded([each], self.memory)
                 first = self.memory[each.index][0]
                 if first.tag == "transition":
                     self.contents.setdefault(each.parent, []).append(first)
-                self._into(found, around)
+                self._into(results, around)
             else:
                 self._descend(each)
         for each in targets:
@@ -564,6 +564,9 @@ class Nodes:
             for name, kind in list(self.graph.nodes(data="kind")):
                 if kind == "runner" and name != last:
                     self.connect([(self.spin, Event.FAILED)], name, "stop")
+            for end in ("complete", "give_up"):
+                for source, _, data in list(self.graph.in_edges(end, data=True)):
+                    self.connect([(source, Event(data["event"]))], self.spin, "stop")
         kept = kept | self.reached()
         self.graph.remove_nodes_from([each for each in self.graph if each not in kept])
 

@@ -108,9 +108,9 @@ def test_python_is_never_executed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ('<state id="a"><history id="h"/></state>', "<history> is not read: what was active"),
-        ('<state id="a"><onentry><script>x()</script></onentry></state>', "runs no scripts"),
-        ('<state id="a"><onentry><raise event="e"/></onentry></state>', "raises are not followed"),
+        ('<state id="a"><history id="h"/></state>', "<history> does not have exactly one"),
+        ('<state id="a"><script>x()</script></state>', "cannot contain a <script>"),
+        ('<state id="a"><onentry><raise/></onentry></state>', "this <raise> has no event"),
         ('<state id="a"><transition event="e" target="b"/></state>', "there is no state 'b'"),
         ('<state id="a"/><state id="a"/>', "there are two states 'a'"),
         ("", "there is no state here"),

@@ -137,13 +137,13 @@ def test_no_word_about_a_random_chart_is_false(batch: int) -> None:
 N, S, A = Frequency.NEVER, Frequency.SOMETIMES, Frequency.ALWAYS
 REFUSED = {
     "scxml_final_with_transition": (2, "a <final> cannot contain a <transition>"),
-    "scxml_history_target": (2, "<history> is not read: what was active before decides"),
     "scxml_events_multi": (1, "the targets 'B C' are never active together"),
-    "scxml_events_onentry": (1, "<raise> is not read: events that a machine raises"),
 }
 READ = {
     # completes, gives up, stuck, endless; unreachable; facts that are not proved
     "scxml_bom": (A, N, N, N, "", ""),
+    "scxml_history_target": (N, N, N, A, "", ""),
+    "scxml_events_onentry": (S, S, N, S, "B", "completes gives_up endless"),
     "scxml_document_order": (A, N, N, N, "trap", ""),
     "scxml_done_cond": (S, S, N, N, "", "completes gives_up"),
     "scxml_eventless_before_done": (A, N, N, N, "", ""),
