@@ -337,8 +337,8 @@ SCXML: Final = (
     _refused(
         "",
         "other elements, or elements in a wrong place; targets that are never active together; "
-        "circles of transitions without event in a region; more than 2,000 moments that pass; files "
-        "that gpsfsm wrote and that were changed",
+        "circles of transitions without event in a region; more than 2,000 moments that pass; "
+        "files that gpsfsm wrote and that were changed",
     ),
 )  # fmt: skip
 
