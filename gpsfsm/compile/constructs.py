@@ -263,8 +263,8 @@ SCXML: Final = (
         "as it says",
     ),
     _exact(
-        "raise send",
-        "with a `send` to `#_internal`, where all active states are known",
+        "raise",
+        "and a `send` to `#_internal`, where all active states are known",
         "the macrostep is followed: transitions without event first, then the internal queue; "
         "a moment that passes is a tick, and a state that only passes is no runner",
     ),
