@@ -263,8 +263,8 @@ SCXML: Final = (
         "as it says",
     ),
     _exact(
-        "raise send",
-        "with a `send` to `#_internal`, where all active states are known",
+        "raise",
+        "and a `send` to `#_internal`, where all active states are known",
         "the macrostep is followed: transitions without event first, then the internal queue; "
         "a moment that passes is a tick, and a state that only passes is no runner",
     ),
@@ -337,8 +337,8 @@ SCXML: Final = (
     _refused(
         "",
         "other elements, or elements in a wrong place; targets that are never active together; "
-        "circles of transitions without event in a region; more than 2,000 moments that pass; files "
-        "that gpsfsm wrote and that were changed",
+        "circles of transitions without event in a region; more than 2,000 moments that pass; "
+        "files that gpsfsm wrote and that were changed",
     ),
 )  # fmt: skip
 

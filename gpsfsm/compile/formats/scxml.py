@@ -278,7 +278,7 @@ class _Reader(Nodes):
         doubts: list[Doubt],
         row: TreeNode | None = None,
     ) -> None:
-        """Connections to all that may follow a signal: stable configurations, and moments that pass.
+        """Connect a signal with all that may follow: stable configurations, moments that pass.
 
         ``row``: the transition out of a stable configuration that it is the signal of.
         """

@@ -148,7 +148,7 @@ class Macrosteps:
     # -- entering ---------------------------------------------------------------------------
 
     def options(self, history: TreeNode, left: frozenset[int] | None) -> list[tuple[TreeNode, ...]]:
-        """The targets that a history may stand for: first its default, then what may have been active."""
+        """The targets that a history may stand for: its default, then what may have been active."""
         parent = self.chart.parent(history)
         row = self.chart.transitions(history)[0]
         default = (row, *self.chart.targets(row))
