@@ -158,11 +158,22 @@ class Contents:
     def of(self, block: TreeNode) -> Effect:
         """The effect of a block: of a transition, of ``onentry`` or the like."""
         if block.index not in self._effects:
-            effect = Effect()
+            effect, failing = Effect(), tuple[Doubt, ...]()
             for each in self.chart.elements.children(block):
-                effect = effect.then(self._one(each))
+                one = self._one(each)
+                if failing and one.raises:  # an error ends the block before it
+                    one = Effect(None, (*one.doubts, *failing), one.raises)
+                effect = effect.then(one)
+                if not failing and self._may_stop(each):
+                    failing = ((each.tag, each, Cause.EVENTS),)
             self._effects[block.index] = effect
         return self._effects[block.index]
+
+    def _may_stop(self, node: TreeNode) -> bool:
+        """True if something in an element may fail, which ends the block around it."""
+        return self._can_fail(node) or any(
+            self._may_stop(each) for each in self.chart.elements.children(node)
+        )
 
     def _one(self, node: TreeNode) -> Effect:
         """The effect of one element; an error that somebody waits for makes the queue unknown."""

@@ -57,11 +57,17 @@ def then(before: Outcomes, after: Outcomes) -> Outcomes:
     return frozenset(rows)
 
 
+_CONSTANT = re.compile(r"[0-9.]+|'[^'\\]*'")  # an expression that cannot fail
+
+
 def is_evaluated(element: ET.Element) -> bool:
     """True if there is an expression or a location in its attributes, or in what is in it."""
     inner = (f"{SCXML}param", f"{SCXML}content")
     return (
-        any(name.endswith("expr") or name in _LOCATIONS for name in element.attrib)
+        any(
+            (name.endswith("expr") and not _CONSTANT.fullmatch(text)) or name in _LOCATIONS
+            for name, text in element.attrib.items()
+        )
         or element.tag in (f"{SCXML}assign", f"{SCXML}script", f"{SCXML}param")
         or any(is_evaluated(each) for each in element if each.tag in inner)
     )

@@ -420,7 +420,8 @@ class Chart(Tree):
             if each.get("target") == INTERNAL:
                 continue
             if "target" not in each.attrib:
-                names |= {each.attrib["event"]} if "event" in each.attrib else {*self._all_names()}
+                computed = {e for e in self._all_names() if not f"{e}.".startswith(_INTERNAL)}
+                names |= {each.attrib["event"]} if "event" in each.attrib else computed
             if {"delay", "delayexpr"} & {*each.attrib} and self.content.fails:
                 names.add(COMMUNICATION)
         return names
