@@ -526,8 +526,9 @@ class _Reader(Nodes):
 
     def _entered(self, source: TreeNode, row: TreeNode | None) -> list[TreeNode]:
         """The states that a transition enters; those that it leaves are stopped."""
-        targets, domain = self.macrosteps.initial(self.root)[0], self.root
-        if row is not None:
+        if row is None:
+            targets, domain = self.macrosteps.initial(self.root)[0], self.root
+        else:
             self.hear(self.chart.contents.of(row))
             if not row.text("target"):
                 return [source] if source.index in self.runner else []

@@ -224,6 +224,12 @@ class Chart:
         """The states in a state."""
         return [each for each in self.elements.children(node) if each.tag in STATES]
 
+    def within(self, node: TreeNode) -> list[TreeNode]:
+        """The states in a state, and those in them."""
+        ends = (node.index, self._last[node.index])
+        first, last = (bisect(self.states, end, key=lambda each: each.index) for end in ends)
+        return self.states[first:last]
+
     def transitions(self, node: TreeNode) -> list[TreeNode]:
         """The transitions of a state or of an initial element, in document order."""
         return [each for each in self.elements.children(node) if each.tag == "transition"]
@@ -355,9 +361,7 @@ class Chart:
         """True for a transition by the ends of states that are none of a parallel in its state."""
         ends = all(each[:2] == ("done", "state") for each in self.events(row))
         return (
-            bool(row.text("event"))
-            and ends
-            and not any(self.contains(node, each) for each in self.states if self.in_parallel(each))
+            bool(row.text("event")) and ends and not any(map(self.in_parallel, self.within(node)))
         )
 
     def external(self, row: TreeNode) -> list[Tokens]:

@@ -258,16 +258,17 @@ class Contents:
             if not row.text("event") or any(self.internal.get(each) for each in chart.events(row))
         ]
         graph: networkx.DiGraph[int] = networkx.DiGraph()
-        for number, (source, row, raised) in enumerate(rows):
+        eventless = [(node, row) for node, row, _ in rows if not row.text("event")]
+        for source, row, raised in rows:
             domain = chart.domain_of(source, row)
-            for other, (node, then, _) in enumerate(rows):
-                if not then.text("event"):
-                    inside = row.text("target") and chart.contains(domain, node)
-                    follows = bool(inside or chart.cond(then))
-                else:
-                    follows = any(begins(name, chart.events(then)) for name in raised)
-                if follows:
-                    graph.add_edge(number, other)
+            starts = {name[:length] for name in raised for length in range(len(name) + 1)}
+            follow = [each for start in starts for each in chart.by_name.get(start, ())]
+            follow += [
+                then
+                for node, then in eventless
+                if chart.cond(then) or (row.text("target") and chart.contains(domain, node))
+            ]
+            graph.add_edges_from((row.index, each.index) for each in follow)
         return not networkx.is_directed_acyclic_graph(graph)
 
     def _raises(self, source: TreeNode, row: TreeNode) -> set[Tokens]:
@@ -286,7 +287,6 @@ class Contents:
             names |= self.raised | set(ERRORS)
         return names | (set(ERRORS) if self.errors and chart.cond(row) else set())
 
-
     def _span(self, domain: TreeNode, state: TreeNode) -> list[TreeNode]:
         """The states that may become active with a state: those around it last, regions, inside."""
         chart, around = self.chart, list["TreeNode"]()
@@ -296,7 +296,7 @@ class Contents:
             around.append(each)
         regions = [each for each in around if each.tag == "parallel"]
         top = (regions or around[:1] or [state])[-1]
-        return [*(each for each in chart.states if chart.contains(top, each)), *around]
+        return [*chart.within(top), *around]
 
 
 def begins(name: Tokens, starts: Iterable[Tokens]) -> bool:

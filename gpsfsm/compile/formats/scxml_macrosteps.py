@@ -90,7 +90,7 @@ class Macrosteps:
     ) -> list[TreeNode | None]:
         """The transitions of which one is the first that an atomic state has; None for none."""
         rows: list[TreeNode | None] = []
-        for around in self.chart.outwards(leaf):
+        for around in list(self.chart.outwards(leaf))[:-1]:
             for row in self.chart.transitions(around):
                 starts = self.chart.events(row)
                 fits = not starts if event is None else begins(event, starts)
@@ -268,12 +268,10 @@ class Macrosteps:
         around it, or if a condition fails.
         """
         chart = self.chart
-        inside = [
-            each for each in chart.states if chart.inside(source) and chart.contains(source, each)
-        ]
+        inside, around = chart.within(source), list(chart.outwards(source))[:-1]
         if self.contents.late or any(map(chart.in_parallel, (source, *inside))):
             return False
-        for state in (*inside, *chart.outwards(source)):
+        for state in (*inside, *around):
             for row in chart.transitions(state):
                 loud = self.contents.of(row).raises and not row.text("target")
                 if loud and chart.inside(state):
