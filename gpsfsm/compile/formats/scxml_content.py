@@ -185,7 +185,7 @@ class Contents:
             effect = Effect((), inner.doubts) if certain else Effect(None, (doubt,), inner.raises)
         elif node.tag in ("raise", "send"):
             effect = self._event(node, doubt)
-        if self.errors and self._can_fail(node):
+        if (self.errors or effect.raises) and self._can_fail(node):
             effect = Effect(None, (*effect.doubts, doubt), effect.raises or (node,))
         return effect
 

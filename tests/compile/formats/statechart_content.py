@@ -129,7 +129,10 @@ class Content:
             rows |= self._fault()
         if not inside or "typeexpr" in element.attrib:
             late = self._fault(COMMUNICATION, ended=False)
-            rows |= QUIET | self._fault() | self._fault(COMMUNICATION) | late
+            abroad = {"target", "targetexpr", "typeexpr"} & {*element.attrib} or not own
+            # Its own external queue is always there.
+            failing = self._fault() | self._fault(COMMUNICATION) | late
+            rows |= QUIET | failing if abroad else QUIET
         return frozenset(rows)
 
     def _branches(self, element: ET.Element, active: frozenset[str]) -> Outcomes:

@@ -422,7 +422,8 @@ class Chart(Tree):
             if "target" not in each.attrib:
                 computed = {e for e in self._all_names() if not f"{e}.".startswith(_INTERNAL)}
                 names |= {each.attrib["event"]} if "event" in each.attrib else computed
-            if {"delay", "delayexpr"} & {*each.attrib} and self.content.fails:
+            abroad = {"target", "targetexpr", "typeexpr", "type"} & {*each.attrib}
+            if abroad and {"delay", "delayexpr"} & {*each.attrib} and self.content.fails:
                 names.add(COMMUNICATION)
         return names
 

@@ -118,8 +118,8 @@ def test_a_history_holds_what_was_left() -> None:
 MAY = {
     "assign": '<assign location="x" expr="1"/><raise event="x"/>',
     "script": '<script>1</script><raise event="x"/>',
-    "log": '<log expr="1"/><raise event="x"/>',
-    "send": '<send event="e"/><raise event="x"/>',
+    "log": '<log expr="n"/><raise event="x"/>',
+    "send": '<send event="e" target="#_parent"/><raise event="x"/>',
     "loop": '<foreach array="c" item="i"><raise event="x"/></foreach><raise event="y"/>',
     "branch": '<if cond="c"><raise event="x"/><else/><raise event="y"/></if>',
 }
