@@ -1,0 +1,39 @@
+"""Random statecharts: what is said of them against an interpreter of SCXML's appendix D."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hypothesis import strategies as st
+
+from tests.campaigns.base import Pair
+from tests.compile.formats.random_statecharts import EventfulChart, OddChart
+from tests.compile.formats.test_scxml_meaning import disagreements
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def judged(text: str) -> Iterator[str]:
+    """Compared, or why not: refused, too many configurations."""
+    wrong = disagreements(text)
+    if isinstance(wrong, str):
+        yield wrong
+        return
+    assert not wrong, wrong
+    yield "compared"
+
+
+def _drawn(seed: int) -> str:
+    return (OddChart(seed, 5) if seed % 3 == 0 else EventfulChart(seed)).text
+
+
+PAIR = Pair(
+    name="statecharts",
+    about="random statecharts that send themselves events: the check against appendix D",
+    cases=lambda: st.integers(0, 10**9).map(_drawn),
+    judge=judged,
+    text=str,
+    full=20_000,
+    batch=100,
+)
