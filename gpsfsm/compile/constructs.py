@@ -288,7 +288,8 @@ SCXML: Final = (
     ),
     _over(
         "assign script log send cancel data param content if foreach",
-        "with an expression that may fail, if a transition waits for the error",
+        "with an expression that may fail, if a transition waits for the error or for what is "
+        "raised after it in the same block",
         "any events of the machine itself come, or none",
         Cause.EVENTS,
     ),

@@ -156,24 +156,26 @@ class Contents:
     # -- blocks -----------------------------------------------------------------------------
 
     def of(self, block: TreeNode) -> Effect:
-        """The effect of a block: of a transition, of ``onentry`` or the like."""
+        """The effect of a block: of a transition, of ``onentry`` or the like.
+
+        An error ends it, so nobody knows what is raised after something that may fail.
+        """
         if block.index not in self._effects:
-            effect, failing = Effect(), tuple[Doubt, ...]()
+            effect = Effect()
+            failing: Doubt | None = None
             for each in self.chart.elements.children(block):
-                one = self._one(each)
-                if failing and one.raises:  # an error ends the block before it
-                    one = Effect(None, (*one.doubts, *failing), one.raises)
-                effect = effect.then(one)
-                if not failing and self._may_stop(each):
-                    failing = ((each.tag, each, Cause.EVENTS),)
+                last = self._one(each)
+                if failing and last.queue != ():
+                    last = Effect(None, (*last.doubts, failing), last.raises)
+                effect = effect.then(last)
+                if self._fails_within(each):
+                    failing = (each.tag, each, Cause.EVENTS)
             self._effects[block.index] = effect
         return self._effects[block.index]
 
-    def _may_stop(self, node: TreeNode) -> bool:
-        """True if something in an element may fail, which ends the block around it."""
-        return self._can_fail(node) or any(
-            self._may_stop(each) for each in self.chart.elements.children(node)
-        )
+    def _fails_within(self, node: TreeNode) -> bool:
+        inside = self.chart.elements.children(node) if node.tag in ("if", "foreach") else ()
+        return self._can_fail(node) or any(map(self._fails_within, inside))
 
     def _one(self, node: TreeNode) -> Effect:
         """The effect of one element; an error that somebody waits for makes the queue unknown."""
