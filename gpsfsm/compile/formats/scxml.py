@@ -192,7 +192,8 @@ class _Reader(Nodes):
     def _perhaps(self, node: TreeNode, row: TreeNode, now: str) -> str:
         """A choice for what may never come: ``now`` follows later, or nothing."""
         later = self.add(node, row, f"{clip(now, LONGEST - 40)}: later", [])
-        self.over(later, row, "done.state", Cause.EVENTS)
+        ends = all(each[:2] == ("done", "state") for each in self.chart.events(row))
+        self.over(later, row, "done.state" if ends else "event", Cause.EVENTS)
         self.connect([(later, Event.SUCCEEDED)], now)
         self.connect([(later, Event.FAILED)], now, "stop")  # it does not come any more
         return later
