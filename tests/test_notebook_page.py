@@ -37,13 +37,27 @@ def executed(content: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def outputs(content: dict[str, Any]) -> list[str]:
-    """The text, HTML and SVG below each cell."""
+    """The text, HTML and SVG below each cell; a kernel may send a text in several parts."""
     shown = []
     for cell in content["cells"]:
-        for output in cell.get("outputs", ()):
-            parts = output["text"] if "text" in output else output["data"]
-            shown.append(json.dumps(parts, ensure_ascii=False))
+        text = ""
+        for output in (*cell.get("outputs", ()), None):
+            if output is not None and "text" in output:
+                text += "".join(output["text"])
+                continue
+            shown += [json.dumps(text.splitlines(keepends=True), ensure_ascii=False)] * bool(text)
+            text = ""
+            if output is not None:
+                shown.append(json.dumps(output["data"], ensure_ascii=False))
     return shown
+
+
+def test_a_text_that_comes_in_parts_is_one() -> None:
+    parts = [{"text": ["the same:"]}, {"text": [" yes\n", "so\n"]}, {"data": {"text/html": "x"}}]
+    whole = [{"text": ["the same: yes\n", "so\n"]}, {"data": {"text/html": "x"}}]
+    shown = outputs({"cells": [{"outputs": whole}]})
+    assert outputs({"cells": [{"outputs": parts}]}) == shown
+    assert len(shown) == 2
 
 
 @pytest.mark.filterwarnings("default")  # of other people's event loops
