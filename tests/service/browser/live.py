@@ -31,6 +31,15 @@ _PUT_IN = """(area, text) => {
 }"""
 """``fill`` puts in line by line, which takes long."""
 
+STATES = """() => {
+  const { store } = document.querySelector('.run-pane.new .graph-touch').gpsfsmGraph;
+  return [...store.state.states].map(([node, { state }]) => `${node} ${state}`).join();
+}"""
+"""The nodes of the run that is shown, with their states."""
+STEPPED = f"""(before) =>
+  document.querySelector('.run-over') || ({STATES})() !== before"""
+"""True once an event has happened since the states were those."""
+
 
 def waypoint(x: float, y: float) -> str:
     name = "nav2_capabilities/WaypointRunner"

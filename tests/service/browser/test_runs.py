@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import pytest
 
 from tests.conftest import REPO
-from tests.service.browser.live import LOST, plan, speech, waypoint
+from tests.service.browser.live import LOST, STATES, STEPPED, plan, speech, waypoint
 from tests.service.support import Service
 
 if TYPE_CHECKING:
@@ -79,12 +79,6 @@ _ACTING = """() => {
 }"""
 
 
-_STATES = """() => {
-  const { store } = document.querySelector('.run-pane.new .graph-touch').gpsfsmGraph;
-  return [...store.state.states].map(([node, { state }]) => `${node} ${state}`).join();
-}"""
-_STEPPED = f"""(before) =>
-  document.querySelector('.run-over') || ({_STATES})() !== before"""
 _FOLLOWED = f"() => ({_ACTING})().every((inView) => inView)"
 _TOP = """() =>
   document.querySelector('.run-pane.new .graph-touch').gpsfsmGraph.camera.viewNow().top"""
@@ -101,10 +95,10 @@ def test_a_run_is_followed_unless_somebody_looks_elsewhere(service: Service, liv
         until_s = time.monotonic() + 300
         while not page.over.count():
             assert time.monotonic() < until_s, "the run does not end"
-            before = page.page.evaluate(_STATES)
+            before = page.page.evaluate(STATES)
             with suppress(PlaywrightTimeoutError):  # the run has just ended
                 page.button("Step: let one event happen, then pause").click(timeout=2_000)
-                page.page.wait_for_function(_STEPPED, arg=before)
+                page.page.wait_for_function(STEPPED, arg=before)
             page.page.wait_for_timeout(200)
             page.page.wait_for_function(_FOLLOWED)
             acted += len(page.page.evaluate(_ACTING))
