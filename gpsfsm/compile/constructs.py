@@ -276,7 +276,8 @@ SCXML: Final = (
     ),
     _over(
         "send",
-        "of an event that a transition waits for; of any, with `eventexpr`",
+        "of an event that a transition waits for; of any, with `eventexpr`; inside or outside, "
+        "with `targetexpr`",
         "the event comes now, later or never",
         Cause.EVENTS,
     ),

@@ -293,8 +293,9 @@ def _errors_alone(report: PlanReport) -> PlanReport:
 
 def _simulated(report: PlanReport) -> PlanReport:
     """The report without what is open on the robot alone: a simulation draws how leaves end."""
-    bound = tuple(each for each in report.findings if each.rule != UNBOUND_LEAF.code)
-    return replace(report, findings=bound)
+    rows = (report.findings, report.suppressed)
+    bound = [tuple(each for each in row if each.rule != UNBOUND_LEAF.code) for row in rows]
+    return replace(report, findings=bound[0], suppressed=bound[1])
 
 
 def _refused(report: PlanReport, reason: Reason, why: str, whole: str) -> Refused:

@@ -152,10 +152,11 @@ class NodeRules:
     ) -> None:
         self.nodes, self.version, self.trees = nodes, version, trees
         self.models, self.collector = models, collector
+        self._names: dict[str, TreeNode] = {}  # of the SubTree nodes of a tree
 
     def check(self, top: TreeNode) -> None:
         """Report what is wrong in a tree."""
-        self._names: dict[str, TreeNode] = {}  # of the SubTree nodes of this tree
+        self._names.clear()
         if len(top.children) != 1:
             hint = "put the nodes into a <Sequence>" if top.children else "add a node to it"
             self._count(top, "a tree has exactly one child", hint)

@@ -251,6 +251,11 @@ def test_a_leaf_of_no_runner_is_drawn_in_a_simulation_but_never_acts(tmp_path: P
     drawn = run("run", "t.xml", "--robot", PROFILE, "--seed", "1", cwd=tmp_path)
     assert drawn.returncode == 0, drawn.stderr
     assert "Look started" in drawn.stdout.decode()
+    excused = tree("<!-- gpsfsm: ignore GP214 because I know -->", "<Look/>")
+    (tmp_path / "excused.xml").write_text(excused, encoding="utf-8")
+    assert (
+        run("run", "excused.xml", "--robot", PROFILE, "--seed", "1", cwd=tmp_path).returncode == 0
+    )
     real = run("run", "t.xml", "--robot", PROFILE, "--real", cwd=tmp_path)
     assert real.returncode == 2
     assert "the leaf 'Look' stands for no runner on the robot 'nav2'" in real.stderr.decode()

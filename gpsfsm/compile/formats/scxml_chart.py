@@ -26,7 +26,7 @@ from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from gpsfsm.compile.formats.elements import Elements
     from gpsfsm.model.tree import TreeNode
@@ -62,8 +62,9 @@ _SKIPPED: Final = {
 """Elements that are skipped, except that their expressions may raise an error."""
 _OPAQUE: Final = ("data", "assign", "script", "param", "content", "log", "cancel")
 """Elements whose content is not SCXML, or the SCXML of another machine: it is not looked at."""
-_HOLDS: Final = {"true": ("", "ecmascript"), "True": ("", "python")}
-"""The literals that hold, by the data models."""
+_HOLDS: Final = {"true": "ecmascript", "True": "python"}
+_NEVER: Final = {"false": "ecmascript", "False": "python"}
+"""The literals by their data model. In another one each fails, which is false and an error."""
 _ATTRIBUTES: Final = {
     "scxml": ("initial", "name", "version", "datamodel", "binding", "exmode", "gpsfsm:form"),
     "state": ("id", "initial", "gpsfsm:interface", "gpsfsm:provider", "gpsfsm:parameters"),
@@ -297,14 +298,17 @@ class Chart:
     def cond(self, row: TreeNode) -> str:
         """The condition of an element, "" if it always holds."""
         text = row.text("cond").strip()
-        holds = self.root.text("datamodel") in _HOLDS.get(text, ()) or self._is_around(row)
-        return "" if holds else text
+        return "" if self._is(text, _HOLDS) or self._is_around(row) else text
+
+    def _is(self, text: str, literals: Mapping[str, str]) -> bool:
+        """True for one of these literals in its data model."""
+        return text in literals and literals[text] == self.root.text("datamodel")
 
     def never_holds(self, row: TreeNode) -> bool:
         """True for a transition whose condition is false, wherever the machine is."""
         state, source = self.state_in(row), self.parent(row)
         if state is None or source.tag not in STATES:
-            return row.text("cond").strip() in ("false", "False")
+            return row.text("cond").strip() in _NEVER
         possible = self.contains(source, state) or self.is_beside(source, state)
         return not possible and not self._is_around(row)
 
@@ -324,6 +328,11 @@ class Chart:
     def is_undecided(self, node: TreeNode) -> bool:
         """True for an element with a condition that has to be evaluated."""
         return bool(self.cond(node)) and not self.never_holds(node) and not self.state_in(node)
+
+    def may_fail(self, node: TreeNode) -> bool:
+        """True for an element with a condition that may raise an error."""
+        text = node.text("cond").strip()
+        return self.is_undecided(node) or (text in _NEVER and not self._is(text, _NEVER))
 
     # -- transitions ------------------------------------------------------------------------
 

@@ -71,7 +71,7 @@ def is_literal(text: str) -> bool:
     inner = text[1:-1]
     if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
         return text[0] not in inner and "\\" not in inner
-    return not text or text.replace(".", "", 1).isdecimal()
+    return not text or (text.isascii() and text.replace(".", "", 1).isdecimal())
 
 
 class Effect(NamedTuple):
@@ -104,7 +104,7 @@ class Contents:
             elif node.tag == "invoke":
                 self.sends_any = self.late = True
             failing = self._can_fail(node)
-            undecided = node.tag == "transition" and chart.is_undecided(node)
+            undecided = node.tag == "transition" and chart.may_fail(node)
             self.fails = self.fails or failing or undecided
             self.late = self.late or (failing and node.tag == "send")
         self.errors = self.fails and any(map(self.hears, ERRORS))
@@ -119,11 +119,18 @@ class Contents:
             return
         name = tuple(node.text("event").split("."))
         if self.hears(name):
-            (self.raised if inward else self.sent).add(name)
+            self.raised |= {name} if inward else set()
+            self.sent |= {name} if not inward or self._is_either(node) else set()
 
     def is_inward(self, node: TreeNode) -> bool:
-        """True for what puts an event into the internal queue."""
-        return node.tag == "raise" or node.text("target").strip() == _INTERNAL
+        """True for what may put an event into the internal queue."""
+        own = node.tag == "raise" or node.text("target").strip() == _INTERNAL
+        return own or self._is_either(node)
+
+    @staticmethod
+    def _is_either(node: TreeNode) -> bool:
+        """True for a send of which an expression decides where to."""
+        return bool(node.text("targetexpr"))
 
     def hears(self, name: Tokens) -> bool:
         """True if a transition waits for an event of this name."""
@@ -139,7 +146,7 @@ class Contents:
     def _can_fail(self, node: TreeNode) -> bool:
         texts = [node.text(each) for each in EXPRESSIONS.get(node.tag, ())]
         if node.tag in ("if", "elseif"):
-            return self.chart.is_undecided(node)
+            return self.chart.may_fail(node)
         if node.tag == "send":
             target, kind = node.text("target").strip(), node.text("type").strip()
             inside = self.chart.elements.children(node)
@@ -151,7 +158,9 @@ class Contents:
                 return True
         if node.tag == "data" and not node.text("expr"):
             return True  # its text is not looked at
-        return node.tag in _FAILING or not all(map(is_literal, texts))
+        bare = self.chart.root.text("datamodel") == "null"  # which has no expressions
+        sure = not any(texts) if bare else all(map(is_literal, texts))
+        return node.tag in _FAILING or not sure
 
     # -- blocks -----------------------------------------------------------------------------
 
@@ -197,6 +206,8 @@ class Contents:
             return Effect(None, (doubt,), (node,)) if inward else Effect((), (doubt,))
         if not self.hears(name):
             return Effect()
+        if self._is_either(node):
+            return Effect(None, (doubt,), (node,))
         return Effect((name,), (), (node,)) if inward else Effect((), (doubt,))
 
     def entry(self, state: TreeNode) -> Effect:

@@ -87,9 +87,13 @@ class Macrosteps:
 
     def _enabled(
         self, leaf: TreeNode, active: frozenset[int], event: Tokens | None
-    ) -> list[TreeNode | None]:
-        """The transitions of which one is the first that an atomic state has; None for none."""
+    ) -> tuple[list[TreeNode | None], list[TreeNode]]:
+        """The transitions of which one is the first that an atomic state has; None for none.
+
+        And those whose conditions may hold or not, or may fail if a transition waits for the error.
+        """
         rows: list[TreeNode | None] = []
+        unsure: list[TreeNode] = []
         for around in list(self.chart.outwards(leaf))[:-1]:
             for row in self.chart.transitions(around):
                 starts = self.chart.events(row)
@@ -97,9 +101,12 @@ class Macrosteps:
                 holds = self.holds(row, active) if fits else False
                 if holds is not False:
                     rows.append(row)
+                fails = fits and self.contents.errors and self.chart.may_fail(row)
+                if holds is None or fails:
+                    unsure.append(row)
                 if holds:
-                    return rows
-        return [*rows, None]
+                    return rows, unsure
+        return [*rows, None], unsure
 
     def selections(
         self, active: frozenset[int], event: Tokens | None
@@ -108,7 +115,8 @@ class Macrosteps:
         leaves = [
             self.nodes[each] for each in sorted(active) if not self.chart.inside(self.nodes[each])
         ]
-        options = [self._enabled(each, active, event) for each in leaves]
+        enabled = [self._enabled(each, active, event) for each in leaves]
+        options = [rows for rows, _ in enabled]
         if prod(map(len, options)) > _MOST_SELECTIONS:
             message = "too many conditions may hold or not while this is active"
             self.chart.elements.fault(leaves[0], message, "use fewer conditions")
@@ -117,12 +125,7 @@ class Macrosteps:
         for chosen in product(*options):
             rows = list(dict.fromkeys(each for each in chosen if each is not None))
             results.setdefault(self._compatible(active, rows))
-        unsure = {
-            row.index: row
-            for each in options
-            for row in each
-            if row is not None and self.holds(row, active) is None
-        }
+        unsure = {row.index: row for _, rows in enabled for row in rows}
         return list(results), [("cond", row, Cause.VALUE) for row in unsure.values()]
 
     def _compatible(self, active: frozenset[int], rows: list[TreeNode]) -> tuple[TreeNode, ...]:
@@ -276,7 +279,7 @@ class Macrosteps:
                 loud = self.contents.of(row).raises and not row.text("target")
                 if loud and chart.inside(state):
                     return False
-                if self.contents.errors and row.text("event") and chart.is_undecided(row):
+                if self.contents.errors and row.text("event") and chart.may_fail(row):
                     return False
         return True
 

@@ -270,3 +270,35 @@ class EventfulChart(OddChart):
         if tag == "final" and self.data and self.odd.random() < 0.3:
             rows.append('<donedata><param name="p" expr="x"/></donedata>')
         return f'<{tag} id="{name}"{first}>{element}' + "\n ".join(filter(None, rows)) + f"</{tag}>"
+
+
+def odder(text: str, seed: int) -> str:
+    """A chart with the rare forms of what is in it: expressions for names, late data, scripts."""
+    odd = random.Random(f"odder {seed}")  # noqa: S311
+
+    def send(match: re.Match[str]) -> str:
+        inward = 'target="#_internal"'
+        other = ['targetexpr="t"', "targetexpr=\"'#_internal'\"", f'{inward} typeexpr="t"']
+        other += [f'{inward} type="http"', f'{inward} delayexpr="d"', f'{inward} idlocation="i"']
+        new = odd.choice([*other, inward, inward])
+        if inward in match[0]:
+            return match[0].replace(inward, new)
+        end = "/>" if match[0].endswith("/>") else ">"
+        return match[0].removesuffix(end) + odd.choice(["", "", f" {odd.choice(other)}"]) + end
+
+    text = re.sub("<send [^>]*>", send, text)
+    text = re.sub(
+        r"In\('(\w+)'\)", lambda each: odd.choice((each[0], f"In(&quot;{each[1]}&quot;)")), text
+    )
+    kept = odd.choice(("", "", '<finalize><raise event="a"/></finalize>', "<finalize/>"))
+    if kept:
+        text = re.sub(r"(<invoke [^>]*)/>", lambda each: f"{each[1]}>{kept}</invoke>", text)
+    data = odd.choice(('<data id="x" expr="y"/>', '<data id="x">text</data>', '<data id="x"/>'))
+    if odd.random() < 0.3:
+        state = odd.choice(("<onentry>", "<onexit>"))
+        text = text.replace(state, f"<datamodel>{data}</datamodel>{state}", 1)
+    head = odd.choice(("", "", f"<datamodel>{data}</datamodel>", "<script>x = 1</script>"))
+    model = odd.choice(("", ' datamodel="null"', ' datamodel="python"', ' datamodel="ecmascript"'))
+    late = odd.choice(("", ' binding="late"'))
+    first = text.index(">")
+    return f"{text[:first]}{model}{late}>{head}{text[first + 1 :]}"

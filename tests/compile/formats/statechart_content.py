@@ -23,6 +23,7 @@ _OWN_TYPES = ("scxml", "http://www.w3.org/TR/scxml/#SCXMLEventProcessor")
 _LOCATIONS = ("namelist", "location", "idlocation")
 _IN = re.compile(r"In\(\s*(?:'([^'\"]*)'|\"([^'\"]*)\")\s*\)")
 _LITERALS = {"true": True, "True": True, "false": False, "False": False}
+_MODELS = {"true": "ecmascript", "false": "ecmascript", "True": "python", "False": "python"}
 Queue = tuple[str, ...]
 Outcome = tuple[Queue, bool]  # what is raised, and whether an error has ended the block
 Outcomes = frozenset[Outcome]
@@ -42,6 +43,15 @@ def holds(cond: str | None, active: frozenset[str]) -> bool | None:
     if match:
         return (match[1] or match[2]) in active
     return _LITERALS.get(words)
+
+
+def is_foreign(cond: str | None, model: str) -> bool:
+    """True for a literal of another data model than that of the chart: it may fail, and is false.
+
+    A chart that names no model may run in any.
+    """
+    word = (cond or "").strip()
+    return word in _MODELS and _MODELS[word] != model
 
 
 def then(before: Outcomes, after: Outcomes) -> Outcomes:
@@ -80,6 +90,7 @@ class Content:
     is_heard: Callable[[str], bool]  # what no transition waits for is not kept
     known: tuple[str, ...]  # the names that an expression for a name may give
     fails: bool = True  # False: nothing that is evaluated or sent fails
+    model: str = ""  # the data model of the chart
 
     def block(self, elements: Iterable[ET.Element], active: frozenset[str]) -> Outcomes:
         """What a block may do where these states are active."""
@@ -148,7 +159,7 @@ class Content:
             value = holds(cond, active)
             if value is not False:
                 rows |= then(before, self.block(children, active))
-            if value is None:
+            if value is None or (self.fails and is_foreign(cond, self.model)):
                 rows |= then(before, self._fault())
                 before = then(before, QUIET | self._fault(ended=False))
             elif value:

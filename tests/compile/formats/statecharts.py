@@ -31,6 +31,7 @@ from tests.compile.formats.statechart_content import (
     TooManyError,
     holds,
     is_evaluated,
+    is_foreign,
 )
 from tests.compile.formats.statechart_tree import (
     Configuration,
@@ -96,7 +97,7 @@ class Chart(Tree):
         self.faulty = False  # nor if conditions fail again and again
         self._passed: set[Configuration] = set()
         root = self.elements[0]
-        self.content = Content(self.is_heard, self._all_names(), fails)
+        self.content = Content(self.is_heard, self._all_names(), fails, root.get("datamodel", ""))
         self._late = root.get("binding") == "late"
         self._invoking = {
             number for number in range(len(self.tags)) if self.inside(number, "invoke")
@@ -133,13 +134,18 @@ class Chart(Tree):
             for each in self.transitions[state]
             if each.matches(event)
         }
-        unknown = [each for each, value in values.items() if value is None]
-        if len(unknown) > 6:
-            raise TooManyError
         found: list[Selection] = []
         fails = self.content.fails and self.is_heard(EXECUTION)
-        answers = (True, False, None) if fails else (True, False)
-        for some in product(answers, repeat=len(unknown)):
+        answers: dict[Transition, tuple[bool | None, ...]] = {}
+        for each, value in values.items():
+            if value is None:
+                answers[each] = (True, False, None) if fails else (True, False)
+            elif self.content.fails and is_foreign(each.cond, self.content.model):
+                answers[each] = (value, None) if fails else (value, False)
+        unknown = list(answers)
+        if len(unknown) > 6:
+            raise TooManyError
+        for some in product(*answers.values()):
             chosen, failed = self._chosen(here.at, values | dict(zip(unknown, some, strict=True)))
             kept = tuple(self._without_conflicts(here, chosen))
             # whether a condition that is looked at twice fails twice is not said
