@@ -151,21 +151,20 @@ export class Watch {
   _happened({ event, data }) {
     if (event === "record") {
       this._take(data);
-        if (this.attached) this._showNow();
+      if (this.attached) this._showNow();
       this.onChange("records");
     } else if (event === "status" || event === "end") {
-      this._heard(data);
-      if (!isOpen(data.status) && this.attached) {
-        this._showNow();
-        this.attached = false;
-      }
-      this.onChange("status");
+      this.heard(data);
     }
   }
 
   // How the run stands, as the service has said.
   heard(status) {
     this._heard(status);
+    if (!isOpen(status.status) && this.attached) {
+      this._showNow();
+      this.attached = false;
+    }
     this.onChange("status");
   }
 
@@ -263,6 +262,8 @@ export class Watch {
   // What somebody does to the run: "pause", "resume", "step", "speed", "cancel" or "fail".
   async control(what, values = {}) {
     const answer = await this.client.post(`/v1/plans/${this.info.plan_id}/${what}`, values);
+    // The answer may overtake the records: nobody is told of an end that the map does not show yet.
+    if (!isOpen(answer.status)) await this._catchUp(this.lastSeq);
     this.heard(answer);
     return answer;
   }

@@ -31,6 +31,10 @@ _PUT_IN = """(area, text) => {
 }"""
 """``fill`` puts in line by line, which takes long."""
 
+_DRAWN = """() => new Promise((drawn) =>
+    requestAnimationFrame(() => requestAnimationFrame(() => drawn())))"""
+"""The page draws once per frame."""
+
 STATES = """() => {
   const { store } = document.querySelector('.run-pane.new .graph-touch').gpsfsmGraph;
   return [...store.state.states].map(([node, { state }]) => `${node} ${state}`).join();
@@ -103,6 +107,7 @@ class Live:
     def ended(self, words: str) -> None:
         """The run that is shown has ended so."""
         self.over.filter(has_text=words).wait_for(timeout=60_000)
+        self.page.evaluate(_DRAWN)
 
     def at_s(self) -> float:
         """The time of the run that is shown."""

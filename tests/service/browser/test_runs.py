@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Literal
@@ -124,6 +125,19 @@ def test_a_run_that_does_not_wait_is_shown_to_its_end(service: Service, live: Op
         page.tab("Events").click()
         page.page.locator(".event-row.ended").wait_for()
         assert page.pose() == (4.0, 3.0)
+
+
+def test_no_end_is_told_before_the_map_shows_it(service: Service, live: Open) -> None:
+    with live(service.address) as page:
+        # An answer to a command may overtake the records: here they never come by the stream.
+        page.page.route(re.compile(r"/v1/plans/[^/]+/events"), lambda _: None)
+        page.page.get_by_label("paused").check()
+        page.run(SHORT, speed="0")
+        page.page.locator(".run-badge.held").wait_for()
+        step = "() => document.querySelector('[title^=\"Step: let one\"]')?.click()"
+        until(lambda: bool(page.page.evaluate(step) or page.over.count()))
+        page.ended("has completed")
+        assert page.pose() == (2.0, 5.0)
 
 
 def test_it_is_paused_stepped_and_goes_on(service: Service, live: Open) -> None:
