@@ -48,7 +48,7 @@ from gpsfsm.capabilities.reading import (
 from gpsfsm.errors import ConfigError, UsageError
 from gpsfsm.model.capability import Filling, Leaf, Permission, Provider, Robot, ValueType
 from gpsfsm.model.printable import clip
-from gpsfsm.model.ros import DEADLINE_S, DISCOVERY, VIA, RosSettings
+from gpsfsm.model.ros import DEADLINE_S, DISCOVERY, DOUBT_S, VIA, RosSettings
 from gpsfsm.model.story import ENGINES
 from gpsfsm.streams import write_bytes
 
@@ -103,6 +103,7 @@ class NetworkFile(FileModel):
     remap: MappingOf[Text] = Field(default_factory=dict)
     via: Text = ""
     deadline: Number | None = None
+    doubt: Number | None = None
 
 
 def _alone(node: object) -> object:
@@ -400,8 +401,7 @@ def _network(model: NetworkFile | None, notes: Notes) -> RosSettings:
         hint = notes.near(model.discovery, DISCOVERY) or f"the ranges are {', '.join(DISCOVERY)}"
         notes.error(model.at("discovery"), f"{quoted(model.discovery)} is not a range", hint)
     names = [(model.at("namespace"), model.namespace)] if model.namespace else []
-    for old, new in model.remap.items():
-        names += [(model.below("remap", old), old), (model.below("remap", old), new)]
+    names += [(model.below("remap", row[0]), each) for row in model.remap.items() for each in row]
     for place, name in names:
         if not _ROS_NAME.fullmatch(name):
             hint = "write letters, digits and underscores, with a slash between parts"
@@ -409,18 +409,18 @@ def _network(model: NetworkFile | None, notes: Notes) -> RosSettings:
     if model.via and model.via not in VIA:
         hint = notes.near(model.via, VIA) or f"there is {', '.join(VIA)}"
         notes.error(model.at("via"), f"{quoted(model.via)} is not a server for runners", hint)
-    deadline = DEADLINE_S if model.deadline is None else model.deadline
-    if not 0 < deadline <= _LONGEST:
-        notes.error(
-            model.at("deadline"), "'deadline' must be more than 0 seconds", "leave it out for 600"
-        )
+    for name, default in (("deadline", DEADLINE_S), ("doubt", DOUBT_S)):
+        if (value := getattr(model, name)) is not None and not 0 < value <= _LONGEST:
+            hint = f"leave it out for {default:g}"
+            notes.error(model.at(name), f"'{name}' must be more than 0 seconds", hint)
     return RosSettings(
         domain=None if domain is None else int(domain),
         namespace=model.namespace,
         discovery=model.discovery,
         remap=tuple(model.remap.items()),
         via=model.via,
-        deadline_s=deadline,
+        deadline_s=model.deadline or DEADLINE_S,
+        doubt_s=model.doubt or DOUBT_S,
     )
 
 

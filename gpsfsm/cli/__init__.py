@@ -94,7 +94,8 @@ def _main(arguments: Sequence[str] | None) -> int:
             message = " ".join(message.split())
         complain(message, hint=_usage_hint(error))
     except (click.Abort, KeyboardInterrupt):
-        return _INTERRUPTED
+        ledger = sys.modules.get("gpsfsm.ros.ledger")  # of a process that drives a robot
+        return ledger.IN_DOUBT if ledger and ledger.doubts(complain) else _INTERRUPTED
     except InternalError as error:
         complain(str(error), hint=_please_report())
     except GpsfsmError as error:

@@ -1,4 +1,4 @@
-"""``gpsfsm ros``: nodes of ROS 2 that stand beside a robot's own; so far the gate."""
+"""``gpsfsm ros``: the gate of a robot as a node of ROS 2, and a stop of all goals."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gpsfsm.cli._gating import (
     task_option,
 )
 from gpsfsm.cli._help import CommandGroup, Section, declare, declare_file
-from gpsfsm.cli._options import NumberRange, library_options
+from gpsfsm.cli._options import LibraryValues, NumberRange, library_options, read_values
 from gpsfsm.cli._running import LogValues, log_options, ros_option, ros_settings
 
 if TYPE_CHECKING:
@@ -32,7 +32,14 @@ class RosGateCommand(GateValues, LogValues):
     ros_args: Sequence[str]
 
 
-_ROS = """Run ROS 2 nodes beside those of a robot.
+@dataclass(frozen=True, kw_only=True)
+class RosStopCommand(LibraryValues):
+    """The options of ``gpsfsm ros stop``."""
+
+    ros_args: Sequence[str]
+
+
+_ROS = """Run ROS 2 nodes beside those of a robot, and stop it.
 
 \b
 Example:
@@ -48,6 +55,16 @@ Exit code: 0 stopped on request, 2 could not start.
 \b
 Example:
   gpsfsm ros gate --robot robot.yaml --receipts decisions.jsonl
+"""
+_STOP = """Cancel all goals of all actions of a robot, whoever has sent them.
+
+This is no emergency stop: it needs the network and the servers of the robot.
+
+Exit code: 0 all servers have ended their goals, 2 no server was seen, 3 a goal may still act.
+
+\b
+Example:
+  gpsfsm ros stop --robot robot.yaml
 """
 
 command = CommandGroup(
@@ -111,3 +128,16 @@ def _gate(context: click.Context, /, **_: object) -> int:
     )
     with logs.writing(values.log_level, values.log_format), Interruption() as interruption:
         return serve_gate(settings, interruption)
+
+
+@command.command("stop", help=_STOP, short_help="Cancel all goals of a robot.")
+@library_options
+@ros_option
+@click.pass_context
+def _stop(context: click.Context, /, **_: object) -> int:
+    """Run ``gpsfsm ros stop``."""
+    values = read_values(context, RosStopCommand)
+    from gpsfsm.ros.stopper import stop_all
+
+    capabilities = values.library
+    return stop_all(capabilities.library, ros_settings(capabilities, values.ros_args))

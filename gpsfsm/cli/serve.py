@@ -37,14 +37,11 @@ from gpsfsm.errors import UsageError
 from gpsfsm.running.bounds import PERMISSIONS
 
 if TYPE_CHECKING:
-    from gpsfsm.generation.providers.address import Secret
     from gpsfsm.service import Settings
 
-_VARIABLE = "GPSFSM_TOKEN"
 _SETTINGS = frozenset(("capabilities", "builtin_capabilities", "robot"))
 _SECONDS = NumberRange(0, 86_400, min_open=True)
 _COUNT = click.IntRange(1, 1_000_000)
-_MOST_TOKEN_BYTES = 1 << 18
 _BYTES = click.IntRange(1, 1 << 28)
 
 
@@ -72,7 +69,7 @@ def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
             declare_file(
                 "--token-file",
                 common=True,
-                help=f"File of client tokens, one per line. [env: {_VARIABLE}]",
+                help="File of client tokens, one per line. [env: GPSFSM_TOKEN]",
             ),
         ),
         command,
@@ -341,7 +338,9 @@ def _refuse_with_real(values: ServeCommand) -> None:
 
 
 def _settings(context: click.Context, values: ServeCommand) -> Settings:
+    from gpsfsm.ros.stopper import stopper_command
     from gpsfsm.service import Settings
+    from gpsfsm.service.settings import tokens_of
 
     bounds = {
         name: getattr(values, option)
@@ -359,7 +358,7 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
     return Settings(
         host=values.host,
         port=values.port,
-        tokens=_tokens(values.token_file),
+        tokens=tokens_of(values.token_file),
         hosts=tuple(values.names),
         proxies=tuple(values.proxies),
         root_path=values.root_path.rstrip("/"),
@@ -372,7 +371,7 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
         journal=values.journal or "",
         executor=command if values.journal else (),
         runs=_runs(context, values, {**allowed, **({"ros": place} if values.real else {})}),
-        stopper=_stopper(values, place) if values.real else (),
+        stopper=stopper_command(values.library.library, place) if values.real else (),
         allow=tuple(
             (name.removeprefix("allow_"), text)
             for name, texts in allowed.items()
@@ -397,36 +396,6 @@ def _allowed(values: ServeCommand) -> tuple[dict[str, list[str]], dict[str, Any]
             "--allow-function, --allow-module, or a robot profile with --robot"
         )
     return allowed, ros_settings(capabilities, values.ros_args)
-
-
-def _stopper(values: ServeCommand, place: Mapping[str, Any]) -> tuple[str, ...]:
-    """The command of the process that cancels all goals of the robot; empty without ROS 2."""
-    from gpsfsm.model.ros import RosSettings
-    from gpsfsm.ros.stopper import stopper_command
-
-    return stopper_command(values.library.library, RosSettings.of(place))
-
-
-def _tokens(file: str | None) -> tuple[Secret, ...]:
-    """The tokens of a file, or of the environment. Raises GpsfsmError."""
-    from gpsfsm.errors import InputError
-    from gpsfsm.files import read_whole
-    from gpsfsm.generation.providers.address import Secret
-
-    if file is None:
-        alone = Secret(os.environ.get(_VARIABLE, ""), _VARIABLE)
-        return (alone,) if alone else ()
-    try:
-        text = read_whole(file, _MOST_TOKEN_BYTES).decode("utf-8", "replace")
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from error
-    lines = enumerate(text.splitlines(), start=1)
-    tokens = [Secret(line, f"{file}:{number}") for number, line in lines if line.strip()]
-    if not tokens:
-        raise UsageError(f"there is no token in {file}")
-    if len(set(tokens)) < len(tokens):
-        raise UsageError(f"{file} has the same token twice: each client needs its own")
-    return tuple(tokens)
 
 
 def _runs(

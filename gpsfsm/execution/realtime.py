@@ -13,10 +13,12 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.lane import Action, Lane, Residents, on_loop
 from gpsfsm.execution.records import Input, Kind, Start
 from gpsfsm.execution.replay import Adopting, may_go_on, settle, take_up
 from gpsfsm.execution.runner import (
+    InDoubtError,
     RunContext,
     Runner,
     StopRequested,
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
 _SECOND = 1_000_000
 _LONGEST = 1e9  # seconds: some thirty years
 _MAX_LINES = 1_000  # that one instance may log
+_LOOK_S = 0.05
 _NOT_CLEARED = "what it may still do outside could not be stopped: "
 _LATE = "what was cut off has answered, which changes nothing"
 
@@ -46,7 +49,7 @@ _LATE = "what was cut off has answered, which changes nothing"
 class _Acting:
     """An instance that acts."""
 
-    __slots__ = ("action", "context", "lines", "number", "runner", "stopping")
+    __slots__ = ("action", "context", "lines", "number", "runner", "stopping", "until")
 
     def __init__(self, number: int, runner: int, context: RunContext) -> None:
         self.number = number
@@ -55,6 +58,7 @@ class _Acting:
         self.action: Action | None = None
         self.stopping = False
         self.lines = 0
+        self.until = 0.0  # it is waited for, since it may still act outside
 
 
 class RealtimeDriver(Adopting):
@@ -62,7 +66,9 @@ class RealtimeDriver(Adopting):
 
     ``make`` gives the runner for an interface and provider, ``depends_on`` what must be loaded
     before it. ``timeout_s`` bounds each action (None: not at all), ``grace_s`` is how long a
-    stopping instance and an unloading runner may take, ``load_s`` how long a loading one may.
+    stopping instance and an unloading runner may take, ``load_s`` how long a loading one may. An
+    instance that may still act outside is waited for until ``doubt_s`` are over: then the run ends
+    in doubt, ``doubts`` saying of what.
     ``run_id`` tells this run from others, for ``RunContext.key``. ``speed`` is how many seconds of
     the run pass in a second, for simulated runners. ``isolate``: each runner has a thread of its
     own, so that one that blocks holds up no other; without it they all share one, as runners need
@@ -82,6 +88,7 @@ class RealtimeDriver(Adopting):
         timeout_s: float | None = None,
         grace_s: float = 5.0,
         load_s: float = 30.0,
+        doubt_s: float = 30.0,
         speed: float = 1.0,
         isolate: bool = True,
     ) -> None:
@@ -96,6 +103,7 @@ class RealtimeDriver(Adopting):
         self._timeout_s = timeout_s
         self._grace_s = grace_s / min(speed, 1.0)
         self._load_s = load_s
+        self._doubt_s = doubt_s
         self._speed = speed
         self._isolate = isolate
         self._acting: dict[int, _Acting] = {}
@@ -103,14 +111,17 @@ class RealtimeDriver(Adopting):
         self._early: list[Callable[[], None]] = []  # what was asked for before the run began
         self._left: Left | None = None
         self._cleared: set[int] = set()  # what they did outside has been stopped
+        self._unreached: list[str] = []  # why nobody knows what others still do there
         self._loop: asyncio.AbstractEventLoop | None = None
         self._began = 0.0
         self._offset_us = 0
         self._closing = False
         self._ready = False
         self._interrupted = False
+        self._not_again = ""  # why a runner was not loaded again
         self.logs: list[tuple[int, str, str]] = []  # time, element, text
         self.cut_off: set[int] = set()  # instances that did not stop in time
+        self.doubts: list[str] = []  # what may still act outside, though the run has ended
         self.unload_failures: list[str] = []
 
     # -- time -------------------------------------------------------------------------------
@@ -291,6 +302,8 @@ class RealtimeDriver(Adopting):
         for start in [*stale.values()]:  # all at once: a robot is not to move meanwhile
             self._clear_up(start, partial(stale.pop, start.number))
         await self._wait_until(lambda: not stale, 4 * self._grace_s)
+        if self._unreached and not left.cancel:
+            raise GpsfsmError(f"the run does not go on, and can be resumed: {self._unreached[0]}")
         settle(self, left, self._is_idempotent)
 
     def drop(self, start: Start) -> None:
@@ -316,12 +329,16 @@ class RealtimeDriver(Adopting):
         over: list[str] = []
         if resident is None or resident.runner is None:
             name = self.kernel.runners[start.runner][1] or self.kernel.runners[start.runner][0]
-            finish(f"what it still does outside is unknown: {name} is not loaded", failed=True)
+            line = f"what it still does outside is unknown: {name} is not loaded"
+            self._unreached.append(f"{line}: {why}" if (why := self._not_again) else line)
+            finish(line, failed=True)
             return
         runner = resident.runner
 
         def answered(value: Any, error: BaseException | None) -> None:
             line = str(value or "") if error is None else _NOT_CLEARED + said(error)
+            if isinstance(error, InDoubtError):
+                self._unreached.append(line)
             self._post(lambda: finish(line, failed=error is not None))
 
         def too_slow() -> None:
@@ -334,6 +351,7 @@ class RealtimeDriver(Adopting):
     def _again(self, runner: int, pending: dict[int, None], problem: str) -> None:
         pending.pop(runner, None)
         if problem:
+            self._not_again = problem
             self._log(-1, "", f"{self.kernel.runners[runner][1]} is not loaded again: {problem}")
 
     def _is_idempotent(self, runner: int) -> bool:
@@ -402,6 +420,10 @@ class RealtimeDriver(Adopting):
     def _answered(self, acting: _Acting, value: Any, error: BaseException | None) -> None:
         """An instance has ended by itself, or has stopped if that is what it was to do."""
         cut_off = self._acting.get(acting.number) is not acting
+        if isinstance(error, InDoubtError):
+            if not cut_off:
+                self._end_in_doubt(acting, clean(str(error)))
+            return
         if isinstance(error, StopRequested) and (acting.stopping or cut_off):
             happened = Input(Kind.STOPPED, acting.number, message="stopped")
         elif error is None:
@@ -438,12 +460,37 @@ class RealtimeDriver(Adopting):
         self._later(self._grace_s, lambda: self._cut_off(acting))
 
     def _cut_off(self, acting: _Acting) -> None:
-        if self._acting.get(acting.number) is acting:
-            assert acting.action is not None
-            acting.action.cut_off()
-            self.cut_off.add(acting.number)
-            message = "did not stop and was cut off"
-            self._leave(acting, Input(Kind.STOPPED, acting.number, message=message))
+        if self._acting.get(acting.number) is not acting:
+            return
+        doubt = clean(acting.context.doubt())
+        if doubt and self._is_waited_for(acting, doubt):
+            self._later(_LOOK_S, lambda: self._cut_off(acting))
+            return
+        assert acting.action is not None
+        acting.action.cut_off()
+        self.cut_off.add(acting.number)
+        if doubt:
+            self._end_in_doubt(acting, doubt)
+            return
+        message = "did not stop and was cut off"
+        self._leave(acting, Input(Kind.STOPPED, acting.number, message=message))
+
+    def _is_waited_for(self, acting: _Acting, doubt: str) -> bool:
+        """True if an instance that may still act outside has some time left; it is said once."""
+        now = time.monotonic()
+        if not acting.until:
+            acting.until = now + self._doubt_s
+            line = f"it is waited for, for at most {self._doubt_s:g} s: {doubt}"
+            self._log(acting.number, acting.context.element, line)
+        return now < acting.until
+
+    def _end_in_doubt(self, acting: _Acting, doubt: str) -> None:
+        """End the run: nobody can say what an instance still does outside."""
+        self.doubts.append(doubt)
+        data: dict[str, RunValue] = {"left": "unknown"}
+        self._log(acting.number, acting.context.element, f"in doubt: {doubt}", data)
+        self.deliver(Input(Kind.CANCEL, message=f"in doubt: {doubt}"))
+        self._leave(acting, Input(Kind.STOPPED, acting.number, message="in doubt"))
 
     # -- lines of runners -------------------------------------------------------------------
 

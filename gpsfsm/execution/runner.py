@@ -45,6 +45,13 @@ class RunnerError(GpsfsmError):
         self.outputs: Mapping[str, RunValue] = outputs
 
 
+class InDoubtError(RunnerError):
+    """Raised by a runner if nobody can say what its action still does outside.
+
+    It has neither failed nor stopped: the run ends in doubt, and nothing is started any more.
+    """
+
+
 class StopRequested(BaseException):
     """Raised inside ``run`` when the instance is to stop. Clean up, and let it pass."""
 
@@ -71,6 +78,9 @@ class RunContext:
       any other action. Send it to endpoints that must not do the same action twice.
     - ``random``: depends only on the seed of the run, the plan, the instance and its visit.
     - ``stop_requested``: true once the instance is to stop.
+    - ``doubt``: to be set by a runner whose action goes on outside when nobody waits for it: says
+      what may still happen there, "" for nothing. An instance that is to stop is waited for as long
+      as it says something; may be called from any thread.
     """
 
     number: int
@@ -81,6 +91,7 @@ class RunContext:
     clock: Callable[[], float]
     logger: Logger
     stop_requested: bool = False
+    doubt: Callable[[], str] = str
 
     @property
     def now_s(self) -> float:

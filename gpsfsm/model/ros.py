@@ -75,6 +75,8 @@ VIA = (CAPABILITIES2,)
 
 DEADLINE_S = 600.0
 """Seconds after which a runner that acts on such a server has failed, if nobody says otherwise."""
+DOUBT_S = 30.0
+"""Seconds for which a run waits for a sign of life of a goal, if nobody says otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +86,7 @@ class RosSettings:
     ``domain`` None and ``discovery`` "": as the environment says. ``remap`` are names and what they
     stand for on this robot, ``arguments`` what follows ``--ros-args`` on the command line. ``via``
     is one of VIA, or "" if gpsfsm calls the robot itself; ``deadline_s`` bounds what acts there.
+    A run ends in doubt if nobody says for ``doubt_s`` whether a goal acts.
     """
 
     domain: int | None = None
@@ -93,6 +96,7 @@ class RosSettings:
     arguments: tuple[str, ...] = ()
     via: str = ""
     deadline_s: float = DEADLINE_S
+    doubt_s: float = DOUBT_S
 
     def data(self) -> dict[str, Any]:
         """The settings as a heading of a run holds them: what differs from the defaults."""
@@ -104,6 +108,7 @@ class RosSettings:
             "arguments": list(self.arguments),
             "via": self.via,
             "deadline_s": None if self.deadline_s == DEADLINE_S else self.deadline_s,
+            "doubt_s": None if self.doubt_s == DOUBT_S else self.doubt_s,
         }
         return {name: value for name, value in values.items() if value not in (None, "", [])}
 
@@ -112,7 +117,11 @@ class RosSettings:
         """The settings that ``data`` gave; the defaults for anything else."""
         if not isinstance(data, dict):
             return cls()
-        deadline_s = data.get("deadline_s")
+        seconds = {
+            name: float(value)
+            for name in ("deadline_s", "doubt_s")
+            if isinstance(value := data.get(name), int | float)
+        }
         return cls(
             domain=data.get("domain"),
             namespace=data.get("namespace", ""),
@@ -120,5 +129,5 @@ class RosSettings:
             remap=tuple((old, new) for old, new in data.get("remap", ())),
             arguments=tuple(data.get("arguments", ())),
             via=str(data.get("via", "")),
-            deadline_s=float(deadline_s) if isinstance(deadline_s, int | float) else DEADLINE_S,
+            **seconds,
         )

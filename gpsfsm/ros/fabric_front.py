@@ -20,8 +20,9 @@ from gpsfsm.errors import GpsfsmError
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import RosCall, RosKind
 from gpsfsm.ros import fabric as names
-from gpsfsm.ros.actions import SUCCEEDED, Goal
+from gpsfsm.ros.actions import SUCCEEDED, Action
 from gpsfsm.ros.fabric import Fabric, servers_of
+from gpsfsm.ros.ledger import Ledger
 from gpsfsm.ros.messages import definition
 from gpsfsm.ros.node import RosError
 
@@ -282,14 +283,11 @@ class FabricFront:
         # a model is slow, and the server may serve nothing else meanwhile
         call = RosCall(RosKind.ACTION, name=self._release.generates, probe_s=_PROBE_S)
         key = bytes(handle.goal_id.uuid).hex()
-        sent = Goal(
-            self._node,
-            self._action[0],
-            kind,
-            key,
-            call=call,
-            feedback=handle.publish_feedback,
+        action = await asyncio.to_thread(
+            self._node.do,
+            lambda: Action(self._node, self._action[0], kind, call, ledger=Ledger()),  # no robot's
         )
+        sent = action.goal(key, handle.publish_feedback)
         if not await sent.send(goal):
             raise RosError("the Fabric server has rejected the goal")
         task = asyncio.ensure_future(sent.result())

@@ -13,16 +13,17 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
+from gpsfsm.execution.runner import InDoubtError, LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.model.ros import OnResume, RosCall, RosKind, RosSettings
-from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Goal, GoneError
+from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action, goal_id
+from gpsfsm.ros.ledger import OURS, Entry, Said
 from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
 from gpsfsm.ros.node import Answer, RosError, RosNode, choose, process_node, rclpy_module
 from gpsfsm.ros.services import Service, absence, appeared
 from gpsfsm.ros.transforms import Transforms
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from gpsfsm.capabilities.library import Library
     from gpsfsm.execution.records import RunValue
@@ -34,6 +35,8 @@ _SLOWER_S = 60.0
 """From then on they come the less often the longer it takes: a run keeps 1,000 lines of a step, and
 feedback and poses of an hour are some 600, those of a day 1,000."""
 _DIGITS = 4
+_LEFT_S = 4.0
+"""What the end of a goal of a process before may take."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,11 @@ class Services:
 
     def __post_init__(self) -> None:
         choose(self.settings)
+
+    def resources(self, interface: str, provider: str) -> frozenset[str]:
+        """The resources of a runner, by the names of its file."""
+        described = self.library.resolve(interface, provider).provider
+        return frozenset() if described is None else frozenset(described.resources)
 
     def call(self, interface: str, provider: str) -> RosCall:
         """The call that a runner makes on this robot. Raises RunnerError if no file says so."""
@@ -83,6 +91,7 @@ class RosRunner(Runner):
         self._client: Any = None
         self._kind: Any = None
         self._who = ""
+        self._resources: frozenset[str] = frozenset()
 
     @classmethod
     def unavailable(cls, described: Provider) -> str:
@@ -104,12 +113,13 @@ class RosRunner(Runner):
         reads = call.kind in (RosKind.TOPIC, RosKind.TRANSFORM)
         self.idempotent = reads or call.on_resume is OnResume.CONTINUE
         self._node = node = await asyncio.to_thread(process_node)
+        self._resources = services.resources(context.interface, context.provider)
         self._who = f"the {call.kind.value} {call.name}"
         try:
             if call.kind is RosKind.TRANSFORM:
                 self._client = await asyncio.to_thread(Transforms.of, node)
             elif call.kind is RosKind.ACTION:
-                self._client = await self._open_action()
+                self._client = await self._open_action(services.settings.doubt_s)
             elif call.kind is RosKind.SERVICE:
                 self._client = await Service.open(node, call.name, call.types, call.wait_s)
             else:
@@ -117,30 +127,34 @@ class RosRunner(Runner):
         except RosError as error:
             raise RunnerError(str(error)) from None
 
-    async def _open_action(self) -> Any:
+    async def _open_action(self, doubt_s: float) -> Action:
         from rclpy.action import ActionClient
 
         node, call = self._node, self._call
         assert node is not None
-        name, self._kind = first_definition(call.types)
-        client = await asyncio.to_thread(
-            node.do, lambda: ActionClient(node.handle, self._kind, node.name(call.name))
-        )
+        name, kind = first_definition(call.types)
+
+        def opened() -> Action:
+            client = ActionClient(node.handle, kind, node.name(call.name))
+            return Action(*(node, client, kind, call), resources=self._resources, doubt_s=doubt_s)
+
+        self._kind = kind
+        action = await asyncio.to_thread(node.do, opened)
         await appeared(
             node,
-            client.server_is_ready,
+            action.client.server_is_ready,
             lambda: absence(node, "action", call.name, name, call.wait_s),
             call.wait_s,
         )
-        return client
+        return action
 
     async def stop(self) -> None:
         """Let go of the client; the node stays for the runs to come."""
         client, self._client = self._client, None
         if isinstance(client, Service):
             await client.close()
-        elif client is not None and self._node is not None and self._call.kind is RosKind.ACTION:
-            await asyncio.to_thread(self._node.do, client.destroy)
+        elif isinstance(client, Action) and self._node is not None:
+            await asyncio.to_thread(self._node.do, client.close)
 
     async def run(
         self, parameters: Mapping[str, RunValue], context: RunContext
@@ -165,39 +179,27 @@ class RosRunner(Runner):
         """Cancel the goal that a process which has ended had sent."""
         if self._call.kind is not RosKind.ACTION:
             return ""
-        problem = await self._goal(key, lambda _: None).cancel()
+        problem = await self._client.goal(key).cancel_left(_LEFT_S)
         if problem:
-            raise RunnerError(f"{self._who}: {problem}")
+            raise InDoubtError(problem)
         return f"{self._who}: its goal was cancelled, or had ended"
 
     # -- actions ------------------------------------------------------------------------------
-
-    def _goal(self, key: str, feedback: Callable[[Any], None]) -> Goal:
-        assert self._node is not None
-        return Goal(self._node, self._client, self._kind, key, call=self._call, feedback=feedback)
 
     async def _act(
         self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
         message = self._kind.Goal()
         fill(message, _filled(self._call.request, parameters), self._call.optional)
-        goal = self._goal(context.key, _Feedback(self._call, context))
-        ended = False
+        goal = self._client.goal(context.key, _Feedback(self._call, context))
+        context.doubt = lambda: goal.doubt
         try:
             if not await goal.send(message):
-                ended = True
                 raise RunnerError(f"{self._who} has rejected the goal")
             status, result = await goal.result()
-            ended = True
-        except GoneError:
-            ended = True
-            goal.abandon()
-            raise
-        finally:
-            if not ended:
-                problem = await goal.cancel()
-                if problem:
-                    context.log(f"{self._who}: {problem}")
+        finally:  # no step ends as long as its goal may act
+            if goal.withdraw() and (doubt := await goal.cancel(self._client.doubt_s)):
+                raise InDoubtError(doubt)
         if status != SUCCEEDED:
             word = "canceled" if status == CANCELED else "aborted"
             raise RunnerError(f"{self._who} was {word}{_reason(self._call, result)}")
@@ -206,10 +208,21 @@ class RosRunner(Runner):
     # -- services, topics, transforms ---------------------------------------------------------
 
     async def _ask(
-        self, parameters: Mapping[str, RunValue], _context: RunContext
+        self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
         values = _filled(self._call.request, parameters)
-        response = await self._client.ask(values, 0, self._call.optional)
+        entry = Entry(goal_id(context.key).hex, self._who, self._resources, is_request=True)
+        OURS.begin(entry)
+        said = Said.SILENT
+        try:
+            response = await self._client.ask(
+                *(values, 0, self._call.optional),
+                lambda: OURS.take(entry.goal, Said.SENT).may_act,
+            )
+            said = Said.ENDED
+        finally:  # it cannot be withdrawn: without an answer nobody knows what it does
+            OURS.cancel(entry.goal)
+            OURS.take(entry.goal, said)
         return self._outcome(response, parameters)
 
     async def _listen(

@@ -146,9 +146,11 @@ class Service:
         values: Mapping[str, RunValue],
         within_s: float,
         optional: Collection[str] = frozenset(),
+        may_send: Callable[[], bool] = lambda: True,
     ) -> Any:
         """The response to a request whose fields have these values; 0 s: however long it takes.
 
+        ``may_send`` has the last word, in the thread of the node.
         Raises TimeoutError, and RosError for fields that the definition does not have.
         """
         request = self._kind.Request()
@@ -156,6 +158,8 @@ class Service:
         futures: list[Any] = []
 
         def send() -> Any:
+            if not may_send():
+                raise RosError("it was not asked, since the robot is being stopped")
             futures.append(self._client.call_async(request))
             return futures[0]
 

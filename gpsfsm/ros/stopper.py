@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.model.ros import RosKind, RosSettings
-from gpsfsm.ros.node import RosNode
-from gpsfsm.streams import Form, to_stderr, to_stdout
+from gpsfsm.ros.ledger import IN_DOUBT
+from gpsfsm.ros.node import RosNode, rclpy_module
+from gpsfsm.streams import Form, complain, to_stderr, to_stdout
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from gpsfsm.capabilities.library import Library
 
@@ -38,18 +39,49 @@ _APPEAR_S = 0.5
 _POLL_S = 0.005
 _READY_S = 3.0
 """How long the start waits for the servers of the robot, which may start later themselves."""
+_SEEN_S = 1.5
+"""The same for a single stop."""
 _LOOK_S = 1.0
+_NOT_SEEN = 2
+_WHERE = "set the domain and the namespace in the robot profile, or after --ros-args"
 _MOST = 500  # actions
 
 
-def stopper_command(library: Library, settings: RosSettings) -> tuple[str, ...]:
-    """The command of a stopper for the robot that a library describes; () if none can be needed."""
+def stopper_command(library: Library, place: Mapping[str, Any]) -> tuple[str, ...]:
+    """The command of a stopper for the robot that a library describes; () if none can be needed.
+
+    ``place`` is where the robot is, as ``RosSettings.data`` has it.
+    """
     calls = [each.ros for each in library.providers if each.ros is not None]
     if not calls or find_spec("rclpy") is None:  # no plan can send a goal from here
         return ()
-    actions = sorted({each.name for each in calls if each.kind is RosKind.ACTION})
-    head = json.dumps({"ros": settings.data(), "actions": actions})
+    head = json.dumps({"ros": dict(place), "actions": _actions(library)})
     return (sys.executable, "-P", "-m", "gpsfsm.ros.stopper", head)
+
+
+def _actions(library: Library) -> list[str]:
+    calls = [each.ros for each in library.providers if each.ros is not None]
+    return sorted({each.name for each in calls if each.kind is RosKind.ACTION})
+
+
+def stop_all(library: Library, place: Mapping[str, Any]) -> int:
+    """Cancel all goals of a robot once, and say what came of it; the exit code.
+
+    Raises RosError without a node.
+    """
+    stopper = Stopper(RosSettings.of(place), _actions(library), ready_s=_SEEN_S)
+    try:
+        stopped = stopper.stop()
+    finally:
+        stopper.close()
+    for problem in stopped["problems"]:
+        complain(problem)
+    if not stopped["servers"]:
+        complain("no server of an action can be seen, so nothing was cancelled", hint=_WHERE)
+        return _NOT_SEEN
+    goals, servers = stopped["cancelled"], stopped["servers"]
+    to_stdout(f"goals cancelled: {goals}; servers that were asked: {servers}\n", Form.TEXT)
+    return IN_DOUBT if stopped["problems"] else 0
 
 
 class Stopper:
@@ -58,7 +90,10 @@ class Stopper:
     ``actions`` are names as capability files have them. Raises RosError without a node.
     """
 
-    def __init__(self, settings: RosSettings, actions: Iterable[str]) -> None:
+    def __init__(
+        self, settings: RosSettings, actions: Iterable[str], *, ready_s: float = _READY_S
+    ) -> None:
+        rclpy_module()
         from action_msgs.msg import GoalStatusArray
         from action_msgs.srv import CancelGoal
         from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -71,7 +106,7 @@ class Stopper:
         self._latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._required = {f"{self._node.name(name)}{_CANCEL}" for name in actions}
         self._node.do(self._look)
-        end = time.monotonic() + _READY_S
+        end = time.monotonic() + ready_s
         while not self._node.do(self._complete) and time.monotonic() < end:
             time.sleep(_POLL_S)
         self._timer = self._node.do(lambda: self._node.handle.create_timer(_LOOK_S, self._look))

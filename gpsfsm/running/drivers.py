@@ -398,7 +398,8 @@ def real_driver(
     options, prompts = prepared.heading.options, PromptBuffers()
     services: dict[str, Any] = {name: texts(options, key) for key, name in _SERVICES.items()}
     services |= {"prompts": prompts, "specs": specs(prepared.library)}
-    services["ros"] = Services(RosSettings.of(options.get("ros")), prepared.library)
+    robot = RosSettings.of(options.get("ros"))
+    services["ros"] = Services(robot, prepared.library)
     if plans is not None:
         services["plans"] = plans
     if model is not None:
@@ -413,6 +414,7 @@ def real_driver(
         services=services,
         depends_on=maker.depends_on,
         timeout_s=timeout_s if isinstance(timeout_s, int | float) else None,
+        doubt_s=robot.doubt_s,
     )
     fills = FillsWritten(kernel, prompts, maker.runner_class)
     fills.take(rows)

@@ -83,6 +83,9 @@ class Observer:
     def not_begun(self, plans: int, *, resumable: bool) -> None:
         """The bond is lost, so some plans have not begun."""
 
+    def in_doubt(self, doubts: Sequence[str]) -> None:
+        """A run has ended although something may still act on the robot."""
+
     def not_submitted(self, names: Sequence[str]) -> None:
         """An interruption came before the plans with these names were submitted."""
 
@@ -193,6 +196,7 @@ class LiveRun:
     """A run in real time as the queue sees it.
 
     ``ending``: why a run of another process is brought to its end, "" to go on with it.
+    ``in_doubt`` is told what may still act once it has ended, before another plan can begin.
     """
 
     def __init__(
@@ -201,10 +205,13 @@ class LiveRun:
         driver: RealtimeDriver,
         interruption: Interruption,
         observer: Observer,
+        *,
         ending: str = "",
+        in_doubt: Callable[[Sequence[str]], None] = lambda _: None,
     ) -> None:
         self.kernel = run.kernel
         self._run, self._driver, self._ending = run, driver, ending
+        self._in_doubt = in_doubt
         self._interruption, self._observer = interruption, observer
 
     @property
@@ -248,6 +255,8 @@ class LiveRun:
                 finally:
                     ticker.cancel()
             observer.ended()
+            if driver.doubts:
+                self._in_doubt(driver.doubts)
 
 
 async def _ticking(driver: RealtimeDriver, observer: RunObserver) -> None:

@@ -26,6 +26,7 @@ from gpsfsm.execution.journal import Heading
 from gpsfsm.execution.journal_errors import EmptyJournalError
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.queue import QueueFullError, QueueKind, QueueRow
+from gpsfsm.ros.ledger import OURS
 from gpsfsm.running.admission import Admission, Admitted, as_text
 from gpsfsm.running.bounds import PERMISSIONS
 from gpsfsm.running.drivers import Shared
@@ -59,6 +60,8 @@ if TYPE_CHECKING:
     from gpsfsm.running.one_run import Run
 
 _MOST_ATTEMPTS = 3
+_SETTLE_S, _LOOK_S = 2.2, 0.005
+"""What the goals that are cancelled by a stop may take to end before it is not confirmed."""
 _NOTE_S = 0.05
 _LEAVE_S = 9.0
 """What a run may take to stop when the service ends: more than the grace time of its runners."""
@@ -266,15 +269,19 @@ class RealQueue(StderrObserver):
         return {**to_json(self, self.queue.state(plan)), "done": not why, "why": why}
 
     async def stop(self, head: dict[str, Any], _: bytes) -> dict[str, Any]:
-        """Cancel the plan that runs, and hold the queue."""
+        """Cancel the plan that runs, and hold the queue; ``open`` is what may act all the same."""
         plan = self.halt(head["reason"], renew=head["renew"])
-        return {**self.held(), "cancelled": plan}
+        end = time.monotonic() + _SETTLE_S
+        while (left := OURS.open()) and time.monotonic() < end:
+            await asyncio.sleep(_LOOK_S)
+        return {**self.held(), "cancelled": plan, "open": [each.words for each in left]}
 
     def halt(self, reason: str, *, renew: bool = True) -> int:
         """The same; the number of the plan that is cancelled, 0 if none runs.
 
         ``renew``: whoever releases the queue has to know of this reason as well.
         """
+        OURS.stop()
         running = self.queue.running
         plan = 0 if running is None else running[0]
         if running is not None:
@@ -290,6 +297,8 @@ class RealQueue(StderrObserver):
     async def release(self, head: dict[str, Any], _: bytes) -> dict[str, Any]:
         """Let plans begin again, unless the queue is held for another reason than the one named."""
         done = head["held"] in (None, self.queue.held) and self.queue.release()
+        if done:
+            OURS.release()
         return {**self.held(), "done": done}
 
     async def about(self, _head: dict[str, Any], _: bytes) -> dict[str, Any]:

@@ -36,7 +36,7 @@ from gpsfsm.running.pace import InterruptiblePace, Pace
 from gpsfsm.running.prepare import REAL, WORLD
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from gpsfsm.execution.bond import Bond
     from gpsfsm.execution.chain import Due
@@ -404,7 +404,18 @@ class Session:
         if self._interruption.requested:
             driver.cancel(REASON)
         ending = self.queue.ending.get(state.plan, "")
-        return LiveRun(run, driver, self._interruption, self._observer, ending)
+        return LiveRun(
+            *(run, driver, self._interruption, self._observer),
+            ending=ending,
+            in_doubt=self._doubted,
+        )
+
+    def _doubted(self, doubts: Sequence[str]) -> None:
+        """Something may still act on the robot: no other plan begins."""
+        self._observer.in_doubt(doubts)
+        if hasattr(self, "queue"):
+            self.queue.hold(f"in doubt: {doubts[0]}", renew=True)
+            self.queue.continuing.stop()
 
     def _maker_of(self, prepared: Prepared, plan: int = 0) -> Maker:
         """The maker of the real runners of a plan. Raises GpsfsmError.
@@ -454,7 +465,9 @@ class Session:
             driver.cancel(REASON)
         self._interruption.on_pause = pausing(driver)
         try:
-            await LiveRun(run, driver, self._interruption, self._observer).run()
+            await LiveRun(
+                *(run, driver, self._interruption, self._observer), in_doubt=self._doubted
+            ).run()
         finally:
             self._interruption.let_go()
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.execution.queue_rows import QueueKind
 from gpsfsm.execution.records import Status
 from gpsfsm.model.printable import clip
+from gpsfsm.ros.ledger import IN_DOUBT
 from gpsfsm.running.admission import Refused
 from gpsfsm.running.one_run import RunObserver, StderrObserver
 from gpsfsm.running.prepare import OF_A_JOURNAL, REAL, WORLD
@@ -30,12 +31,12 @@ if TYPE_CHECKING:
     from gpsfsm.watch.groot_stream import GrootStream, Shown
     from gpsfsm.watch.keys import Keys
 
-_ORDER = (0, 1, 2, 130)
+_ORDER = (0, 1, 2, 130, 3)
 _GO_ON = (WORLD, REAL)
 
 
 def worst(codes: Iterable[int]) -> int:
-    """The exit code of several runs: 130 before 2 before 1 before 0. Without a run it is 2."""
+    """The exit code of several runs: 3, 130, 2, 1, 0, the first of them. Without a run it is 2."""
     return max(codes, key=_ORDER.index, default=2)
 
 
@@ -122,6 +123,12 @@ class Terminal(StderrObserver):
         """A plan that has passed the gate cannot be run."""
         self.codes[plan] = 2
         complain(message)
+
+    def in_doubt(self, doubts: Sequence[str]) -> None:
+        """Something may still act on the robot."""
+        self.codes[0] = IN_DOUBT
+        for doubt in doubts:
+            complain(f"in doubt: {doubt}")
 
     def not_submitted(self, _names: Sequence[str]) -> None:
         """An interruption came before these plans were submitted."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gpsfsm.service.settings import Settings
     from gpsfsm.service.stopper import Stopper
 
-STOP_S, HALT_S = 5.0, 3.0
+STOP_S, HALT_S = 3.0, 3.0
 """What the stopper and the plan queue may take to answer to a stop."""
 
 STOPPED = "the service was stopped"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import InputError, UsageError
+from gpsfsm.files import read_whole
 from gpsfsm.generation.providers.address import ipv6_text, is_loopback
 from gpsfsm.model.printable import clip
 from gpsfsm.service.clients import Proxies
@@ -25,6 +27,8 @@ LEAST_TOKEN = 16
 MOST_TOKENS = 1_000
 """Each of them is compared with what a client shows."""
 
+_VARIABLE = "GPSFSM_TOKEN"
+_MOST_TOKEN_BYTES = 1 << 18
 _LEAST_MEMORY_MB = 256
 _MOST_RESERVED = 2
 _MOST_PORT = 65_535
@@ -207,3 +211,23 @@ class Settings:
 
 def _makes_sense(value: float) -> bool:
     return isinstance(value, bool) or 0 < value < float("inf")
+
+
+def tokens_of(file: str | None) -> tuple[Secret, ...]:
+    """The tokens of a file, or of the environment. Raises GpsfsmError."""
+    from gpsfsm.generation.providers.address import Secret
+
+    if file is None:
+        alone = Secret(os.environ.get(_VARIABLE, ""), _VARIABLE)
+        return (alone,) if alone else ()
+    try:
+        text = read_whole(file, _MOST_TOKEN_BYTES).decode("utf-8", "replace")
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+    lines = enumerate(text.splitlines(), start=1)
+    tokens = [Secret(line, f"{file}:{number}") for number, line in lines if line.strip()]
+    if not tokens:
+        raise UsageError(f"there is no token in {file}")
+    if len(set(tokens)) < len(tokens):
+        raise UsageError(f"{file} has the same token twice: each client needs its own")
+    return tuple(tokens)

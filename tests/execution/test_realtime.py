@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.realtime import RealtimeDriver
 from gpsfsm.execution.records import Input, Kind, Status
-from gpsfsm.execution.runner import Runner, StopRequested
+from gpsfsm.execution.runner import InDoubtError, Runner, StopRequested
 from tests.execution.realtiming import (
     WAIT_S,
     Diary,
@@ -172,6 +173,49 @@ def test_one_that_ignores_that_it_is_to_stop_gets_no_further_turn() -> None:
     before = len(turns)
     time.sleep(0.1)
     assert len(turns) == before
+
+
+def test_one_that_may_still_act_outside_is_waited_for() -> None:
+    begun, outside = threading.Event(), ["the goal may still begin"]
+
+    async def drives(context: RunContext) -> None:
+        context.doubt = lambda: "".join(outside)
+        begun.set()
+        try:
+            await context.sleep(WAIT_S)
+        finally:
+            await asyncio.sleep(0.5)  # five times as long as it may take to stop
+            outside.clear()
+
+    sink, driver = play(guarded("A", "B"), Diary(A=drives, B=fine), timeout_s=0.1, grace_s=0.1)
+    assert driver.kernel.status is Status.COMPLETED
+    assert messages(sink, Kind.STOPPED) == ["stopped"]
+    assert not driver.doubts
+    assert any("may still begin" in line for _, _, line in driver.logs)
+
+
+async def never_ends(context: RunContext) -> None:
+    context.doubt = lambda: "the goal may still begin"
+    while True:
+        with suppress(BaseException):
+            await asyncio.sleep(WAIT_S)
+
+
+async def does_not_know(context: RunContext) -> None:
+    raise InDoubtError("the goal may still begin")
+
+
+@pytest.mark.parametrize("act", [never_ends, does_not_know])
+def test_a_run_ends_in_doubt_and_starts_nothing_more(
+    act: Callable[[RunContext], Any],
+) -> None:
+    sink, driver = play(
+        guarded("A", "B"), Diary(A=act, B=fine), timeout_s=0.1, grace_s=0.1, doubt_s=0.3
+    )
+    assert driver.kernel.status is Status.CANCELLED
+    assert driver.doubts == ["the goal may still begin"]
+    assert messages(sink, Kind.CANCEL) == ["in doubt: the goal may still begin"]
+    assert order(sink, Kind.STARTED) == [("STARTED", 1)], "no recovery begins"
 
 
 def test_stopping_raises_inside_the_runner_which_cleans_up() -> None:

@@ -152,3 +152,19 @@ def test_poses_and_feedback_are_journaled_for_the_page(ros: Domain) -> None:
     data = [row.get("data", {}) for row in rows(ros)]
     assert any(each.get("world") == "pose" for each in data)
     assert any("distance_left_m" in each for each in data)
+
+
+def test_a_stop_is_not_confirmed_before_its_goal_cannot_begin(ros: Domain) -> None:
+    server = ros.server("nav2", "--speed", "0.1")
+    server.command("think", seconds=6)
+    with service(ros) as client:
+        client.submit(8.0)
+        server.wait_for("asked")
+        stopped = client.client.post("/v1/stop")
+        assert stopped.status_code == 503, stopped.text
+        detail = stopped.json()["detail"]
+        assert "to the action navigate_to_pose has no answer yet, and may still begin" in detail
+        drive = server.wait_for("goal")["id"]  # it begins, and is cancelled at once
+        assert server.wait_for("result", id=drive)["status"] == "canceled"
+        eventually(lambda: client.client.post("/v1/stop").status_code == 200)
+        assert len(server.journal("goal")) == 1

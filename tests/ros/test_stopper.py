@@ -125,9 +125,9 @@ def test_only_the_robot_in_the_namespace_is_stopped(ros: Domain) -> None:
 
 
 def test_the_command_names_the_actions_of_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert stopper_command(builtin(), RosSettings()) == (), "there is no rclpy in this environment"
+    assert stopper_command(builtin(), {}) == (), "there is no rclpy in this environment"
     monkeypatch.setattr("gpsfsm.ros.stopper.find_spec", lambda name: name)
-    _, isolation, _, module, head = stopper_command(builtin(), RosSettings(domain=3))
+    _, isolation, _, module, head = stopper_command(builtin(), {"domain": 3})
     assert isolation == "-P", "a file in the working folder must not be taken for a module"
     assert module == "gpsfsm.ros.stopper"
     assert json.loads(head) == {"ros": {"domain": 3}, "actions": ["navigate_to_pose"]}

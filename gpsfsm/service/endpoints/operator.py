@@ -97,6 +97,7 @@ async def _stop(core: Core, request: HttpRequest) -> Response:
     problems = [] if stopped is None else [*stopped.problems]
     if halted["problem"]:
         problems.append(halted["problem"])
+    problems += halted.get("open", ())
     plan = halted.get("cancelled")
     answer = StopAnswer(
         held=halted.get("held") or reason,
