@@ -212,7 +212,7 @@ def command(context: click.Context, /, **_: object) -> int:
     Several plans run one after the other.
 
     Exit code: 0 completed; 1 not completed, or not run because of errors;
-    2 could not run; 130 cancelled with Ctrl-C. For several plans, the worst.
+    2 could not run; 3 in doubt; 130 cancelled with Ctrl-C. For several plans, the worst.
 
     \b
     Example:

@@ -40,8 +40,10 @@ UNKNOWN, SUCCEEDED, CANCELED, ABORTED = 0, 4, 5, 6
 """Codes of action_msgs/msg/GoalStatus."""
 _ENDS = {SUCCEEDED: "succeeded", CANCELED: "canceled", ABORTED: "aborted"}
 
-_UNKNOWN_GOAL, _ENDED_ALREADY = 2, 3
-"""Return codes of action_msgs/srv/CancelGoal."""
+_UNKNOWN_GOAL, _NOT_CANCELABLE = 2, 3
+"""Return codes of action_msgs/srv/CancelGoal. A goal that is being cancelled is not cancelable a
+second time (rcl_action_process_cancel_request), so that proves no end, whatever the code is called.
+"""
 
 _TRIES = 3
 """Signs of life that may stay out before a server counts as silent."""
@@ -276,13 +278,12 @@ class Goal:
         question = self._question()
 
         def answered(future: Any) -> None:
-            code = future.result().return_code
-            if code == _UNKNOWN_GOAL:
+            if future.result().return_code == _UNKNOWN_GOAL:
                 self._absent(question)
-            elif code == _ENDED_ALREADY:
-                self._take(Said.ENDED, "over")
-            else:
-                self._take(Said.ALIVE)
+                return
+            self._take(Said.ALIVE)
+            if future.result().return_code == _NOT_CANCELABLE:
+                self._ask_result()
 
         self._handle.cancel_goal_async().add_done_callback(answered)
 

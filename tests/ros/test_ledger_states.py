@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 BASE = frozenset({"base"})
 MOST_FAULTS = 2
+ACTING = ("acting", "canceling")
 FIRST, SECOND = 0, 1
 
 
@@ -44,7 +45,7 @@ class Message:
 @dataclass(frozen=True)
 class World:
     entries: tuple[Entry, ...]
-    there: tuple[str, ...] = ("", "")  # at the server: "", acting, ended, forgotten
+    there: tuple[str, ...] = ("", "")  # at the server: "", acting, canceling, ended, forgotten
     begun: tuple[int, ...] = (0, 0)  # how often each goal has begun to act
     sent_to: tuple[int, ...] = (-1, -1)
     attempts: tuple[int, ...] = (0, 0)
@@ -79,11 +80,12 @@ def client(world: World) -> Iterator[World]:
         if entry.state is GoalState.NOT_SENT and may_be_sent(world, goal):
             yield sent(world, goal)
         if entry.may_act:
-            asked = question(world, goal, "cancel" if entry.unwanted else "ask")
-            tells = asked.accepted or asked.in_new or world.refused[goal] or entry.unwanted
-            tells |= entry.state is GoalState.UNKNOWN
-            if tells and not is_asked(world, goal):
-                yield replace(world, under_way=world.under_way | {asked})
+            for kind in ("ask", "cancel")[: 1 + entry.unwanted]:
+                asked = question(world, goal, kind)
+                tells = asked.accepted or asked.in_new or world.refused[goal] or entry.unwanted
+                tells |= entry.state is GoalState.UNKNOWN
+                if tells and not is_asked(world, goal):
+                    yield replace(world, under_way=world.under_way | {asked})
             if goal == FIRST and not entry.unwanted:  # its time is over
                 wanted = replace(entry, unwanted=True)
                 yield replace(world, entries=put(world.entries, goal, wanted))
@@ -102,7 +104,7 @@ def client(world: World) -> Iterator[World]:
 
 def is_asked(world: World, goal: int) -> bool:
     """Whether a question about a goal, or its answer, is on its way: one at a time is enough."""
-    kinds = ("ask", "cancel", "unknown")
+    kinds = ("ask", "cancel", "unknown", "not cancelable")
     return any(each.goal == goal and each.kind in kinds for each in world.under_way)
 
 
@@ -147,6 +149,8 @@ def heard(world: World, message: Message) -> World:
         if world.attempts[goal] > 1 and message.attempt != world.attempts[goal]:
             return told(world, goal, Said.ALIVE)  # maybe of the first server
         return told(world, goal, Said.ENDED, message.how)
+    if message.kind == "not cancelable":  # it may be because it is being cancelled
+        return told(world, goal, Said.ALIVE)
     if message.kind == "rejected":
         if message.attempt != world.attempts[goal]:
             return told(world, goal, Said.ALIVE)
@@ -171,8 +175,8 @@ def server(world: World) -> Iterator[World]:
         if message.kind in ("send", "ask", "cancel") and message.epoch == world.epoch:
             yield from served(replace(world, under_way=world.under_way - {message}), message)
     for goal, state in enumerate(world.there):
-        if state == "acting":
-            yield ended(world, goal, "succeeded")
+        if state in ACTING:
+            yield ended(world, goal, "succeeded" if state == "acting" else "canceled")
         elif state == "ended" and world.faults < MOST_FAULTS:
             gone = put(world.there, goal, "forgotten")
             yield replace(world, there=gone, faults=world.faults + 1)
@@ -209,10 +213,12 @@ def served(world: World, message: Message) -> Iterator[World]:
     elif state in ("", "forgotten"):
         how = "after" if world.refused[goal] else ""
         yield replace(world, under_way=world.under_way | {answer("unknown", how)})
+    elif message.kind == "cancel" and state != "acting":
+        yield replace(world, under_way=world.under_way | {answer("not cancelable")})
     elif state == "ended":
         yield replace(world, under_way=world.under_way | {answer("ended", world.how[goal])})
     elif message.kind == "cancel":
-        yield ended(world, goal, "canceled")
+        yield replace(world, there=put(world.there, goal, "canceling"))
     else:
         yield world  # the result is asked for, and comes with its end
 
@@ -268,7 +274,7 @@ def settled(world: World) -> World:
 
 
 def wrong(world: World, *, may_repeat: bool) -> str:
-    acting = [goal for goal, state in enumerate(world.there) if state == "acting"]
+    acting = [goal for goal, state in enumerate(world.there) if state in ACTING]
     if world.confirmed and acting:
         return "something moves after a stop that was confirmed"
     if len(acting) > 1:
@@ -317,6 +323,21 @@ def test_what_the_ledger_says_holds_in_every_interleaving(
     worlds, ends = explored(may_repeat=may_repeat)
     assert worlds > 10_000
     assert ends == {"", "succeeded", "canceled", "rejected", LOST}
+
+
+def test_a_goal_that_cannot_be_cancelled_and_counts_as_ended_is_found_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    truly = heard
+
+    def believes(world: World, message: Message) -> World:
+        if message.kind == "not cancelable":
+            return told(world, message.goal, Said.ENDED, "over")
+        return truly(world, message)
+
+    monkeypatch.setattr(f"{__name__}.heard", believes)
+    with pytest.raises(AssertionError, match="a goal acts that the ledger says is ENDED"):
+        explored(may_repeat=False)
 
 
 def test_no_answer_that_counts_as_nothing_there_is_found_out(
