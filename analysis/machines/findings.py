@@ -209,7 +209,7 @@ class Findings:
 
     def _hint_of_never(self) -> str:
         """The hint then, "" for that of the rule."""
-        return ""
+        return "let an event that can occur lead to an end that completes the machine"
 
     def _loops(self) -> Iterator[Finding]:
         for loop in self.answers.loops:
