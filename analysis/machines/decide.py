@@ -56,12 +56,16 @@ WaitingEffect = Literal["stuck", "give_up", "endless", "absorbed"]
 
 @dataclass(frozen=True, slots=True)
 class WaitingJoin:
-    """A join that waits for ever; ``shown`` leads to it, ``loop`` is what is repeated then."""
+    """A join that waits for ever; ``shown`` leads to it, ``loop`` is what is repeated then.
+
+    ``fair``: it also does if outcomes that can occur at every visit occur.
+    """
 
     node: int
     effect: WaitingEffect
     shown: Run
     loop: Run = ()
+    fair: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +126,11 @@ class Judge:
         self.uncounted = frozenset(
             number for number, each in enumerate(runners) if tree and each.interface in OWN
         )
+        self.choices = [  # of which nobody knows what they can be
+            self.automaton.runner_number(node)
+            for node in self.inexact
+            if self.automaton.nodes[node].kind is NodeKind.RUNNER
+        ]
         self.stops_lead_on = not tree  # what a tree halts is no way to go on
         self.components = exploration.components(exploration.going())
         self.lingering = [each for each in self.components if exploration.just(each)]
@@ -130,12 +139,7 @@ class Judge:
     def facts(self) -> Answers:
         """All facts."""
         ends = self._ends()
-        choices = [
-            self.automaton.runner_number(node)
-            for node in self.inexact
-            if self.automaton.nodes[node].kind is NodeKind.RUNNER
-        ]
-        endless, fair = bool(self.lingering), self.exploration.fair(self.lingering, choices)
+        endless, fair = bool(self.lingering), self.exploration.fair(self.lingering, self.choices)
         if endless and not (self.exact and self.exact.lingering):
             self._doubt("endless")
         ended = {end: bool(numbers) for end, numbers in ends.items()}
@@ -366,7 +370,8 @@ class Judge:
             for component in lingering if looping else ():
                 if configurations[min(component)].ended == end:
                     lasso = exploration.lasso(component)
-                    return WaitingJoin(node, effect, lasso.prefix, lasso.loop)
+                    fair = effect != "endless" or exploration.fair(lingering, self.choices)
+                    return WaitingJoin(node, effect, lasso.prefix, lasso.loop, fair=fair)
         return None
 
     def _orphans(self) -> tuple[tuple[int, Run], ...]:

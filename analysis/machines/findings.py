@@ -15,9 +15,10 @@ from gpsfsm.analysis.words import actor, count, fewest_words, listed, place
 from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, HANG, STARTED
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.errors import InternalError
-from gpsfsm.model.capability import OWN, TICK
+from gpsfsm.model.capability import CHOICE, OWN, TICK
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, Severity, TraceStep
+from gpsfsm.model.labels import verb
 from gpsfsm.model.plan import line_words
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import (
@@ -48,6 +49,7 @@ _STATEMENTS = {
     Outcome.FAILED: Statement.FAILS,
     Outcome.HANG: Statement.NEVER_ENDS,
 }
+_OF_CHOICES = {Outcome.SUCCEEDED: Statement.HOLDS, Outcome.FAILED: Statement.DOES_NOT_HOLD}
 _ENDS = {COMPLETED: End.COMPLETED, GAVE_UP: End.GAVE_UP}
 _MOST_TRACE = 200
 _MOST_SENTENCES = 12
@@ -207,13 +209,14 @@ class Findings:
 
     def _hint_of_never(self) -> str:
         """The hint then, "" for that of the rule."""
-        return ""
+        return "let an event that can occur lead to an end that completes the machine"
 
     def _loops(self) -> Iterator[Finding]:
         for loop in self.answers.loops:
             code = "GP313" if loop.trap else "GP314"
             elements = [self.plan.runners[number] for number in loop.runners]
-            names = listed([place(element) for element in elements])
+            acting = [each for each in elements if each.interface not in OWN] or elements
+            names = listed([place(element) for element in acting])
             message = (
                 f"once entered, this loop is never left, whatever the outcomes: {names}"
                 if loop.trap
@@ -221,7 +224,7 @@ class Findings:
             )
             finding = rule(code).finding(
                 message,
-                self.plan.location(elements[0]),
+                self.plan.location(acting[0]),
                 scenario=self._scenario(
                     code, loop.lasso.prefix, Statement.FOR_EVER, loop=loop.lasso.loop
                 ),
@@ -237,10 +240,9 @@ class Findings:
             if each.effect != "stuck" or each.shown is None:
                 continue
             element = self._element(each.signal.node)
-            verb = "fails" if each.signal.event is Event.FAILED else "succeeds"
-            whole = self.terms.whole
+            said = f"if {place(element)} {verb(element, each.signal.event)}"
             finding = rule("GP302").finding(
-                f"if {place(element)} {verb}, nothing handles that: the {whole} is stuck",
+                f"{said}, nothing handles that: the {self.terms.whole} is stuck",
                 self.plan.location(element),
                 severity=Severity.WARNING,
                 hint="connect this event to the node that should follow it",
@@ -289,7 +291,7 @@ class Findings:
                 f"the join {self._name(element)} can receive some of its inputs and wait for the "
                 f"others for ever: {_WAITS[each.effect]}",
                 self.plan.location(element),
-                severity=_SEVERITIES.get(each.effect),
+                severity=_SEVERITIES.get(each.effect) if each.fair else None,
                 hint="stop the join where a new round begins, or connect what can happen instead",
                 scenario=self._scenario("GP303", each.shown, *closing, loop=each.loop),
             )
@@ -409,7 +411,8 @@ class Findings:
 
     def _sentence(self, number: int, outcome: int) -> Sentence:
         element = self.plan.runners[number]
-        return Sentence(_STATEMENTS[_OUTCOMES[outcome]], (actor(self.plan, element.index),))
+        statements = _STATEMENTS | (_OF_CHOICES if element.interface == CHOICE else {})
+        return Sentence(statements[_OUTCOMES[outcome]], (actor(self.plan, element.index),))
 
 
 # -- behaviour trees ------------------------------------------------------------------------

@@ -333,7 +333,8 @@ SCXML: Final = (
     ),
     _refused(
         "history",
-        "of more than 16 possibilities; one that a transition from within its state leads to",
+        "of more than 16 possibilities; a deep one that a transition from deep within its state "
+        "leads to",
         "what is left would have to be known",
     ),
     _refused(

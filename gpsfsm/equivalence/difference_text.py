@@ -6,8 +6,8 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile import MachinePlan
-from gpsfsm.model.event import End, Event
-from gpsfsm.model.labels import action
+from gpsfsm.model.event import End
+from gpsfsm.model.labels import action, verb
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Element, Plan
 
 _ENDS = {End.COMPLETED: "completes", End.GAVE_UP: "gives up", End.STUCK: "is stuck"}
-_VERBS = {Event.SUCCEEDED: "succeeds", Event.FAILED: "fails"}
 _MAX_NAMED = 5
 _MAX_STEPS = 200
 _MAX_NAME = 200
@@ -34,7 +33,7 @@ def difference_lines(first: Plan, second: Plan, difference: Difference) -> Itera
         what = clip(action(first.runners[one]), _MAX_NAME)
         ends = ((first, first.runners[one]), (second, second.runners[other]))
         places = ", ".join(f"{name}:{_spot(*end)}" for name, end in zip(names, ends, strict=True))
-        yield f"  {number}. {what} {_VERBS[event]} ({places})"
+        yield f"  {number}. {what} {verb(first.runners[one], event)} ({places})"
     head = "then" if difference.steps else "at the beginning"
     pad = " " * len(head)
     yield f"  {head} {names[0]} {_reaction(first, difference.first, second, difference.second)}"

@@ -15,8 +15,10 @@ from gpsfsm.execution.runner import RunContext, RunnerError
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.fuzzing.subject import Act, Fate, Subject, TimedScenario
 from gpsfsm.model.automaton import NodeKind, Signal
+from gpsfsm.model.capability import CHOICE
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Scenario, TraceStep
+from gpsfsm.model.labels import verb
 from gpsfsm.model.story import remark
 from gpsfsm.simulation.makers import Scripted
 
@@ -415,9 +417,15 @@ def _sentences(run: Run, index: int, started: set[int], overdue: set[int]) -> It
             sentence = _sentence(record, started, stopping=stopping)
             if sentence:
                 visit = f": {record.message}" if sentence == "starts" and record.message else ""
-                yield f"{place(run.runner(record.node - 1))} {sentence}{visit}"
+                runner = run.runner(record.node - 1)
+                if runner.interface == CHOICE and record.kind in _CHOSEN:
+                    sentence = verb(runner, _CHOSEN[record.kind])
+                yield f"{place(runner)} {sentence}{visit}"
     if index == run.decided:
         yield _ENDINGS[run.end].format(run.whole)
+
+
+_CHOSEN = {Kind.SUCCEEDED: Event.SUCCEEDED, Kind.FAILED: Event.FAILED}
 
 
 def _sentence(record: Record, started: set[int], *, stopping: bool) -> str:

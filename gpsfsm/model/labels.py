@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.capability import CHOICE, TICK
+from gpsfsm.model.event import Event
 from gpsfsm.model.plan import line_words
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary
@@ -152,6 +153,12 @@ def action(runner: Element) -> str:
     ]
     more = ["…"] if len(shown) > _MAX_PARAMETERS else []
     return f"{name} ({', '.join([*shown[:_MAX_PARAMETERS], *more])})" if shown else name
+
+
+def verb(runner: Element, event: Event) -> str:
+    """The end of a runner in a sentence; a choice neither succeeds nor fails."""
+    words = ("holds", "does not hold") if runner.interface == CHOICE else ("succeeds", "fails")
+    return words[event is Event.FAILED]
 
 
 def _interest(attribute: Attribute) -> int:

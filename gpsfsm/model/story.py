@@ -139,6 +139,8 @@ class Statement(Enum):
     # events of runners
     SUCCEEDS = "{0} succeeds"
     FAILS = "{0} fails"
+    HOLDS = "{0} holds"
+    DOES_NOT_HOLD = "{0} does not hold"
     DOES_NOT_START = "{0} does not start and therefore fails"
     NEVER_ENDS = "{0} starts and never ends"
     IS_RUNNING = "{0} is running"
@@ -191,6 +193,8 @@ class Statement(Enum):
 _EVENTS: Mapping[Statement, Event] = {
     Statement.SUCCEEDS: Event.SUCCEEDED,
     Statement.FAILS: Event.FAILED,
+    Statement.HOLDS: Event.SUCCEEDED,
+    Statement.DOES_NOT_HOLD: Event.FAILED,
     Statement.DOES_NOT_START: Event.FAILED,
     Statement.NEVER_ENDS: Event.STARTED,
     Statement.IS_RUNNING: Event.STARTED,

@@ -138,8 +138,9 @@ FORK = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED j", "b SUCCEEDED 
     [
         (("j SUCCEEDED end",), "error", "nothing more can happen then, and the machine is stuck"),
         (("j SUCCEEDED end", "a FAILED lost", "b FAILED lost"), "info", "the machine gives up"),
-        (
-            ("j SUCCEEDED end", "a FAILED a", "b FAILED b"),
+        (("j SUCCEEDED end", "a FAILED a", "b FAILED b"), "info", "the machine runs for ever"),
+        (  # whatever comes then, the join waits on
+            ("j SUCCEEDED end", "a FAILED a", "b FAILED c", "c SUCCEEDED c", "c FAILED c"),
             "warning",
             "the machine runs for ever",
         ),

@@ -7,7 +7,9 @@ import pytest
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.model.labels import action, brief, node_label
+from gpsfsm.model.capability import CHOICE
+from gpsfsm.model.event import Event
+from gpsfsm.model.labels import action, brief, node_label, verb
 from gpsfsm.syntax import parse
 
 
@@ -30,6 +32,17 @@ def test_what_tells_runners_apart_comes_first(written: str, named: str) -> None:
     plan = parse(f"<Plan><Runner {written}/></Plan>", file="p.xml").plan
     assert plan is not None
     assert action(plan.runners[0]) == named
+
+
+@pytest.mark.parametrize(
+    ("interface", "words"),
+    [("a/Go", ["succeeds", "fails"]), (CHOICE, ["holds", "does not hold"])],
+)
+def test_a_choice_neither_succeeds_nor_fails(interface: str, words: list[str]) -> None:
+    text = f'<Plan><Runner interface="{interface}" provider="p"/></Plan>'
+    plan = parse(text, file="p.xml").plan
+    assert plan is not None
+    assert [verb(plan.runners[0], each) for each in (Event.SUCCEEDED, Event.FAILED)] == words
 
 
 def test_a_node_of_a_tree_is_labelled_with_its_action_and_the_number_of_its_use() -> None:

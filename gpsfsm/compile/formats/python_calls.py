@@ -191,9 +191,6 @@ class Calls(Effects):
                 self.functions.append(made)
                 self.later(made)
                 return made
-            case ast.ListComp() | ast.DictComp() | ast.SetComp() | ast.GeneratorExp():
-                self.repeated(lambda: self._all_of(node, Scope(scope)))
-                return UNKNOWN
         self._all_of(node, scope)
         return UNKNOWN
 

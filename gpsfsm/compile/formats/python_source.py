@@ -303,13 +303,46 @@ class Source(Calls):
             self.block(node.body if test else node.orelse, scope)
 
     def _match(self, node: ast.Match, scope: Scope) -> None:
-        self.value(node.subject, scope)
+        case = _case_of(self.value(node.subject, scope), node)
+        if case is not UNKNOWN:
+            self.block(case.body if case else (), scope)
+            return
         names = {e.name for e in ast.walk(node) if isinstance(e, ast.MatchAs | ast.MatchStar)}
         names |= {e.rest for e in ast.walk(node) if isinstance(e, ast.MatchMapping)}
         for name in sorted(each for each in names if each):
             self._store(name, UNKNOWN, scope)
         cases = [partial(self.block, each.body, scope) for each in node.cases]
         self.perhaps(*cases, lambda: None)
+
+    def _combined(self, node: ast.expr, scope: Scope) -> Any:
+        match node:
+            case ast.ListComp() | ast.DictComp() | ast.SetComp() | ast.GeneratorExp():
+                inner = Scope(scope)
+                bound = {e.target.id for e in ast.walk(node) if isinstance(e, ast.NamedExpr)}
+                inner.elsewhere = {each: scope.elsewhere.get(each, scope) for each in bound}
+                simple = not bound and not any(each.is_async for each in node.generators)
+                if simple and isinstance(node, ast.ListComp | ast.DictComp):
+                    return self._comprehension(node, inner)
+                self.repeated(lambda: self._all_of(node, inner))
+                return UNKNOWN
+        return super()._combined(node, scope)
+
+    def _comprehension(self, node: ast.ListComp | ast.DictComp, inner: Scope) -> Any:
+        """``[each for each in rows if test]`` as the loop that fills a list."""
+        made = ast.Name(" made", ast.Load())
+        if isinstance(node, ast.ListComp):
+            inner.names[made.id] = self.fresh([])
+            append = ast.Attribute(made, "append", ast.Load())
+            body: ast.stmt = ast.Expr(ast.Call(append, [node.elt], []))
+        else:
+            inner.names[made.id] = self.fresh({})
+            body = ast.Assign([ast.Subscript(made, node.key, ast.Store())], node.value)
+        for each in reversed(node.generators):
+            for test in reversed(each.ifs):
+                body = ast.If(test, [body], [])
+            body = ast.For(each.target, each.iter, [body], [])
+        self.block([ast.fix_missing_locations(ast.copy_location(body, node))], inner)
+        return self.value(ast.copy_location(made, node), inner)
 
     def _while(self, node: ast.While, scope: Scope) -> None:
         def around() -> None:
@@ -414,6 +447,7 @@ class Source(Calls):
             self.block(handler.body, scope)
 
         body = partial(self.block, (*node.body, *node.orelse), scope)
+        handlers = [] if all(map(_is_quiet, node.body)) else handlers
         try:
             if handlers or _leaves(node.finalbody):  # which ends an exception
                 self._torn(node, body, *(partial(handle, each) for each in handlers))
@@ -502,6 +536,32 @@ def _leaves(body: Sequence[ast.stmt]) -> bool:
     """True if a statement in these may leave the loop or the function around them."""
     leaving = (ast.Return, ast.Break, ast.Continue)
     return any(isinstance(each, leaving) for statement in body for each in ast.walk(statement))
+
+
+def _is_quiet(statement: ast.stmt) -> bool:
+    """True for a statement that raises no exception: it gives literals to names."""
+    if not isinstance(statement, ast.Assign):
+        return isinstance(statement, ast.Pass)
+    literal = (ast.Constant, ast.List, ast.Tuple, ast.Load)
+    return all(isinstance(each, ast.Name) for each in statement.targets) and all(
+        isinstance(each, literal)
+        or (isinstance(each, ast.Dict) and all(isinstance(key, ast.Constant) for key in each.keys))
+        for each in ast.walk(statement.value)
+    )
+
+
+def _case_of(subject: Any, node: ast.Match) -> Any:
+    """The case that a value takes, None if there is none; UNKNOWN where only a run decides."""
+    for each in node.cases:
+        match each:
+            case ast.match_case(ast.MatchAs(None, None), None):
+                return each
+            case ast.match_case(ast.MatchValue(ast.Constant(value)), None) if plain(subject):
+                if subject == value:
+                    return each
+            case _:
+                return UNKNOWN
+    return None
 
 
 def _loaded(target: ast.expr) -> ast.expr:

@@ -179,7 +179,7 @@ class _Reader(Nodes):
         """While a state is active, an event may come: now, later or never."""
         text, event = f"{self.chart.name(node)}: {row.text('event') or 'always'}", row.text("event")
         if event or self.chart.cond(row) or not self.chart.is_left_at_once(node):
-            now = again = self.moment(text, row)
+            now = again = self.moment(text, row, of=f"{text} comes" if event else text)
             if self.chart.state_in(row) or (event and not self.chart.external(row)):
                 again = self._perhaps(node, row, now)
             self.connect([(now, Event.FAILED)], again)
@@ -350,7 +350,7 @@ class _Reader(Nodes):
                 signals, whole = [(name, Event.FAILED)], whole[1:]
             self._branch(signals, leaf, whole, doubts)
         reached = self.reached()
-        kept = set() if self.chart.follows else set(self.graph)
+        kept = set() if self.chart.follows else {*self.graph} - {*self.marks.values()}
         only_passed = {
             index
             for moment, *_ in self.passed
@@ -573,7 +573,8 @@ class _Reader(Nodes):
                 self.effects[name] = {"stop"}
             if each.index in self.joins:
                 join = self.joins[each.index]
-                for name in (join, *self.extras.get(join, ())):
+                self.effects[join] = {"stop"}
+                for name in self.extras.get(join, ()):
                     self.effects.pop(name, None)
             self.hear(self.chart.contents.exit(each))
             pending += self.chart.inside(each)

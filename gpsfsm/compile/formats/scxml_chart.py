@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.tree import TreeNode
 
 STATES: Final = ("state", "parallel", "final")
+_FIRST: Final = ("initial", "history")
 _BLOCKS: Final = ("onentry", "onexit", "transition", "finalize", "if", "foreach")
 _OPERANDS: Final = ("send", "invoke", "donedata")
 _AROUND: Final = {
@@ -159,7 +160,7 @@ class Chart:
         if node.tag == "history" and node.text("type") not in ("", "shallow", "deep"):
             message = f"a history has no type {clip(node.text('type'), _LONGEST)!r}"
             self._fault(node, message, 'write type="shallow" or type="deep"')
-        if node.tag in ("initial", "history"):
+        if node.tag in _FIRST:
             if len(self.elements.children(node)) != 1:
                 message = f"<{node.tag}> does not have exactly one transition"
                 self._fault(node, message, "write one")
@@ -168,7 +169,7 @@ class Chart:
 
     def _transition(self, node: TreeNode) -> None:
         around = self.parent(node).tag
-        first = around in ("initial", "history")
+        first = around in _FIRST
         for name in ("event", "cond", "target"):
             if node.attribute(name) is not None and not node.text(name).strip():
                 self._fault(node, f"the {name} of this transition is empty", "write or remove it")
@@ -185,7 +186,7 @@ class Chart:
     def _references(self, node: TreeNode) -> None:
         name = "target" if node.tag == "transition" else "initial"
         around = self.root
-        first = self.parent(node).tag in ("initial", "history")
+        first = self.parent(node).tag in _FIRST
         if node.tag == "state" or first:
             around = node if node.tag == "state" else self.parent(self.parent(node))
         targets: list[TreeNode] = []
@@ -209,15 +210,27 @@ class Chart:
             self._fault(node, message, "name one state in each region of a <parallel>")
 
     def _is_odd(self, node: TreeNode, history: TreeNode) -> bool:
-        """True for a history where it would have to be known what is left: from within its state.
+        """True for a history that decides, by what it remembers, how much a transition leaves.
 
         One that leads to another history, or that belongs to a whole parallel, is as rare.
         """
-        source = self.parent(node)
+        source, parent = self.parent(node), self.parent(history)
         several = len(node.text("target").split()) > 1
-        whole = several and self.parent(history).tag == "parallel"
-        inward = source.tag in STATES and self.contains(self.parent(history), source)
-        return whole or source.tag == "history" or (node.tag == "transition" and inward)
+        whole = several and parent.tag == "parallel"
+        return whole or source.tag == "history" or self._is_within(node, source, history)
+
+    def _is_within(self, row: TreeNode, source: TreeNode, history: TreeNode) -> bool:
+        """True if all that a history leads to may lie in a smaller state that stays active."""
+        parent = self.parent(history)
+        if source.tag not in STATES or not self.contains(parent, source):
+            return False
+        inner = row.text("type") == "internal" and self.inside(source)
+        first = source if inner else self.parent(source)
+        around = [each for each in self.outwards(first) if self.contains(parent, each)]
+        names = [name for each in self.transitions(history) for name in each.text("target").split()]
+        flat = all(name in self.ids and self.parent(self.ids[name]) is parent for name in names)
+        deep = history.text("type") == "deep" or not flat
+        return deep and any(each.tag == "state" for each in around)
 
     # -- structure --------------------------------------------------------------------------
 
@@ -234,6 +247,11 @@ class Chart:
     def transitions(self, node: TreeNode) -> list[TreeNode]:
         """The transitions of a state or of an initial element, in document order."""
         return [each for each in self.elements.children(node) if each.tag == "transition"]
+
+    def inwards(self, node: TreeNode) -> list[TreeNode]:
+        """The transitions of the initial element and the histories of a state."""
+        around = [each for each in self.elements.children(node) if each.tag in _FIRST]
+        return [row for each in around for row in self.transitions(each)]
 
     def parent(self, node: TreeNode) -> TreeNode:
         """The element around an element."""

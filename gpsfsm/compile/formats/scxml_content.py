@@ -293,6 +293,7 @@ class Contents:
             outermost = source if domain is source else self._span(domain, source)[-1]
             left = [outermost, *self._span(domain, outermost)]
         effects = [self.of(row), *map(self.entry, states), *map(self.exit, left)]
+        effects += [self.of(each) for state in states for each in chart.inwards(state)]
         names = {name for each in effects for name in each.queue or ()}
         names |= {chart.done_event(chart.parent(each)) for each in states if each.tag == "final"}
         names |= {chart.done_event(each) for each in states if each.tag == "parallel"}
@@ -303,7 +304,8 @@ class Contents:
     def _span(self, domain: TreeNode, state: TreeNode) -> list[TreeNode]:
         """The states that may become active with a state: those around it last, regions, inside."""
         chart, around = self.chart, list["TreeNode"]()
-        for each in chart.outwards(state if state.tag != "history" else chart.parent(state)):
+        state = chart.parent(state) if state.tag == "history" else state
+        for each in chart.outwards(state):
             if each is domain or each is chart.root:
                 break
             around.append(each)

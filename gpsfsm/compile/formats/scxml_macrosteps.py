@@ -479,9 +479,9 @@ class Nodes:
         self.places[unique] = place_of(place)
         return unique
 
-    def moment(self, name: str, place: TreeNode, kind: str = CHOICE) -> str:
-        """A choice, or a tick."""
-        parameters = {"of": clip(name, LONGEST)} if kind == CHOICE else {}
+    def moment(self, name: str, place: TreeNode, kind: str = CHOICE, of: str = "") -> str:
+        """A choice ``of`` what the name says or of something else, or a tick."""
+        parameters = {"of": clip(of or name, LONGEST)} if kind == CHOICE else {}
         return self.node(name, place, kind="runner", interface=kind, parameters=parameters)
 
     def add(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from hypothesis import strategies as st
 
 from tests.campaigns.base import Pair
-from tests.compile.formats.random_statecharts import EventfulChart, OddChart, odder
+from tests.compile.formats.random_statecharts import EventfulChart, OddChart, ReturningChart, odder
 from tests.compile.formats.test_scxml_meaning import disagreements
 
 if TYPE_CHECKING:
@@ -25,10 +25,10 @@ def judged(text: str) -> Iterator[str]:
 
 
 def _drawn(seed: int) -> str:
-    if seed % 3 == 0:
+    if seed % 4 == 0:
         return OddChart(seed, 5).text
-    text = EventfulChart(seed).text
-    return odder(text, seed) if seed % 3 == 1 else text
+    text = (ReturningChart if seed % 4 == 3 else EventfulChart)(seed).text
+    return odder(text, seed) if seed % 4 == 1 or seed % 8 == 3 else text
 
 
 PAIR = Pair(

@@ -272,6 +272,23 @@ class EventfulChart(OddChart):
         return f'<{tag} id="{name}"{first}>{element}' + "\n ".join(filter(None, rows)) + f"</{tag}>"
 
 
+class ReturningChart(EventfulChart):
+    """A statechart whose transitions often lead back: to their own state, around it, to histories.
+
+    So what is left is entered again, or what is raised on the way in is raised again.
+    """
+
+    def __init__(self, seed: int, size: int = 5, *, data: bool | None = None) -> None:
+        self.back = random.Random(f"returning {seed}")  # noqa: S311
+        super().__init__(seed, size, data=data)
+
+    def target(self, name: str) -> str:
+        if self.back.random() < 0.5:
+            return super().target(name)
+        around = [*self.around[name], name]
+        return self.back.choice([*around, *(h for h, of in self.histories.items() if of in around)])
+
+
 def odder(text: str, seed: int) -> str:
     """A chart with the rare forms of what is in it: expressions for names, late data, scripts."""
     odd = random.Random(f"odder {seed}")  # noqa: S311

@@ -152,6 +152,22 @@ OTHERS = {
         f'<state id="o">{on("v", "h")}</state>',
         ("SNNS", "", "completes endless"),
     ),
+    "a history from within": (  # a is not left
+        f'<state id="a">{HISTORY.format("deep")}{on("u", "ok")}<state id="b">{on("x", "c")}'
+        f'</state><state id="c">{on("y", "h")}</state></state>',
+        ("SNNS", "", "completes endless"),
+    ),
+    "a history of what is left": (  # a is left, and entered again as it was
+        f'<state id="a">{HISTORY.format("shallow")}{on("u", "h")}<state id="b">{on("x", "c")}'
+        f'</state><state id="c">{on("y", "ok")}</state></state>',
+        ("SNNS", "", "completes endless"),
+    ),
+    "raised on the way in, without end, beside unknown states": (
+        f'<parallel id="p"><state id="a"><state id="a1">{on("u", "a2")}</state><state id="a2">'
+        f'<initial>{on("", "i", X)}</initial>{on("x", "a2")}<state id="i"/></state></state>'
+        f'<state id="b">{on("v", "ok")}</state></parallel>',
+        ("SNNS", "", "completes endless"),
+    ),
     "what fails": (
         '<state id="a"><onentry><assign location="i" expr="1/0"/></onentry>'
         f'{on("error", "failed")}{on("x", "ok")}</state>',
@@ -209,8 +225,8 @@ REFUSED = [
     ('<state id="a"><history id="h"/><state id="b"/></state>', "does not have exactly one"),
     ('<state id="a"><history type="all"/></state>', "a history has no type 'all'"),
     ('<state id="a"><history id="h"><transition target="ok"/></history></state>', "is not in this"),
-    (f'<state id="a">{HISTORY.format("deep")}<state id="b">{on("x", "h")}</state></state>',
-     "cannot be followed from here"),
+    (f'<state id="a">{HISTORY.format("deep")}<state id="b"><state id="c">{on("x", "h")}</state>'
+     "</state></state>", "cannot be followed from here"),
     (f'<state id="a">{on("x", "o")}<history id="h" type="deep">{on("", "p")}</history>'
      f'<parallel id="p">{DEEP}</parallel></state><state id="o">{on("x", "h")}</state>',
      "more than 16 possibilities"),

@@ -23,7 +23,7 @@ from gpsfsm.model.event import Event
 from gpsfsm.model.report import Frequency
 from gpsfsm.syntax.source import DEFAULT_LIMITS
 from tests.cases import batches, many
-from tests.compile.formats.random_statecharts import EventfulChart, OddChart, odder
+from tests.compile.formats.random_statecharts import EventfulChart, OddChart, ReturningChart, odder
 from tests.compile.formats.statecharts import Chart, TooManyError, Verdict
 
 if TYPE_CHECKING:
@@ -176,6 +176,13 @@ def test_no_word_about_a_chart_that_raises_events_is_false(batch: int) -> None:
         compared += not isinstance(wrong, str)
         assert isinstance(wrong, str) or not wrong, f"seed {seed}: {wrong}"
     assert compared > 10
+
+
+@pytest.mark.parametrize("batch", batches(4))
+def test_no_word_about_a_chart_that_leads_back_is_false(batch: int) -> None:
+    for seed in range(15 * batch, 15 * batch + 15):
+        wrong = disagreements(ReturningChart(seed).text)
+        assert isinstance(wrong, str) or not wrong, f"seed {seed}: {wrong}"
 
 
 @pytest.mark.parametrize("batch", batches(6))
@@ -365,3 +372,47 @@ def test_what_no_engine_reads_so_is_refused(body: str, words: str) -> None:
     assert words in problems[0].message
     assert problems[0].hint
     assert problems[0].location.line == 1
+
+
+GO = '<state id="{0}"><transition event="{0}.done" target="{1}"/></state>'
+LOOP = GO.format("a", "b") + GO.format("b", "a")
+ONCE = GO.format("c", "e") + '<final id="e"/>'
+OTHER = GO.format("d", "f") + '<final id="f"/>'
+STOP = '<transition event="stop" target="ok"/>'
+COND = ' cond="x" target'
+SUPERSTATES = {
+    "a loop": f'<state id="w">{STOP}{LOOP}</state>',
+    "a dead end": f'<state id="w">{STOP}<state id="a"/></state>',
+    "two levels": f'<state id="w">{STOP}<state id="i"><transition event="pause" target="p"/>{LOOP}'
+    f'</state>{GO.format("p", "i")}</state>',
+    "loops in regions": f'<parallel id="w">{STOP}<state id="r">{LOOP}</state><state id="q">'
+    f'{GO.format("c", "d")}{GO.format("d", "c")}</state></parallel>',
+    "an internal transition": f'<state id="w" initial="a">{STOP}<transition event="reset" '
+    f'type="internal" target="a"/>{LOOP}</state>',
+    "a transition without target": f'<state id="w">{STOP}<transition event="ping"/>{LOOP}</state>',
+    "a return by history": '<state id="w"><history id="h"><transition target="a"/></history>'
+    f'<transition event="halt" target="o"/>{LOOP}</state><state id="o"><transition event="on" '
+    f'target="h"/><transition event="off" target="ok"/></state>',
+    "before a join": f'<parallel id="w">{STOP}<transition event="done.state.w" target="ok"/>'
+    f'<state id="r">{ONCE}</state><state id="q">{OTHER}</state></parallel>',
+    "in one region of a join": '<parallel id="w"><transition event="done.state.w" target="ok"/>'
+    f'<state id="r"><state id="s"><transition event="stop" target="f"/>{LOOP}</state>'
+    f'<final id="f"/></state><state id="q">{ONCE}</state></parallel>',
+    "by any event": f'<state id="w">{STOP.replace("stop", "*")}{LOOP}</state>',
+    "on a condition": f'<state id="w">{STOP.replace(" target", COND)}{LOOP}</state>',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", sorted(SUPERSTATES))
+def test_what_leaves_a_superstate_may_still_come(kind: str) -> None:
+    """So there is no dead end while it is active, and no choice that fails."""
+    text = f"{HEAD}{SUPERSTATES[kind]}{ENDS}"
+    assert disagreements(text) == []
+    (report,) = gpsfsm.check(text).plans
+    assert report.facts is not None
+    assert report.facts.stuck == "never"
+    assert not [each for each in report.findings if each.severity.value in ("error", "warning")]
+    told = [each for each in report.findings if each.rule in ("GP302", "GP306", "GP311", "GP313")]
+    assert not told
+    stories = [each.scenario.story for each in report.findings if each.scenario]
+    assert not [line for story in stories for line in story if "choice" in line and "fail" in line]
