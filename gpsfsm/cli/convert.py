@@ -15,6 +15,7 @@ from gpsfsm.cli._options import (
     output_option,
     read_values,
     response_option,
+    tell_over_approximated,
 )
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.streams import check_writable, complain, form_of, write_text
@@ -87,6 +88,7 @@ def _run(values: ConvertCommand) -> int:
     if code or parsed.plan is None:
         complain(f"{parsed.file}: the text has errors; fix them first")
         return code or 1
+    tell_over_approximated(parsed.plan, "over-approximated here, and certain in what is written")
     if values.to in _DRAWN:
         from gpsfsm.cli.show import DRAWINGS
         from gpsfsm.compile import compile_plan

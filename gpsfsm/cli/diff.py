@@ -20,6 +20,7 @@ from gpsfsm.cli._options import (
     output_option,
     read_values,
     tell_narrowing,
+    tell_over_approximated,
 )
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.streams import check_writable, complain, form_of, write_text
@@ -109,6 +110,8 @@ def _run(paths: list[str], values: DiffCommand) -> int:
                 "('gpsfsm fix' may help)"
             )
     plans = [each.plan for each in parsed if each.plan is not None]
+    for plan in plans:
+        tell_over_approximated(plan, "compared is what was read, which allows more than the file")
     from gpsfsm.equivalence import compare
 
     difference = compare(
