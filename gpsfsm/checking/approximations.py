@@ -11,6 +11,7 @@ from gpsfsm.model.finding import Related
 from gpsfsm.model.plan import line_words
 from gpsfsm.model.precision import Reading
 from gpsfsm.model.printable import clip
+from gpsfsm.streams import complain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,10 +40,12 @@ def approximation_findings(
         yield _finding("GP119", "", other)
 
 
-def over_approximated(plan: Plan) -> str:
-    """The constructs of a machine of which more was read than its file says, "" for none."""
-    rows = plan.approximations if isinstance(plan, MachinePlan) else ()
-    return _words([each for each in rows if each.reading is Reading.OVER])
+def tell_over_approximated(what: str, *plans: Plan) -> None:
+    """Tell on standard error what was read of machines that their files may not do."""
+    for plan in plans:
+        rows = plan.approximations if isinstance(plan, MachinePlan) else ()
+        if over := [each for each in rows if each.reading is Reading.OVER]:
+            complain(f"{clip(plan.file, 200)}: {what}: {_words(over)}")
 
 
 def _finding(code: str, begin: str, rows: Sequence[Approximation]) -> Finding:

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from gpsfsm.checking import CheckOptions
     from gpsfsm.checking.config import Config
     from gpsfsm.checking.option_table import Option
-    from gpsfsm.model.plan import Plan
     from gpsfsm.model.report import Report, SettingUsed
     from gpsfsm.syntax import Limits
 
@@ -506,16 +505,6 @@ def exit_code(values: FailValues, report: Report) -> int:
 def tell_narrowing(values: Values) -> None:
     """Tell on standard error under which settings of files less is decided than everything."""
     tell_settings(tuple(narrowing(values)))
-
-
-def tell_over_approximated(plan: Plan, what: str) -> None:
-    """Tell on standard error what was read of a machine that its file may not do."""
-    from gpsfsm.checking.approximations import over_approximated
-    from gpsfsm.model.printable import clip
-
-    words = over_approximated(plan)
-    if words:
-        complain(f"{clip(plan.file, 200)}: {what}: {words}")
 
 
 def tell_settings(used: Sequence[SettingUsed]) -> None:
