@@ -6,15 +6,18 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import listed
+from gpsfsm.compile.units import MachinePlan
 from gpsfsm.model.finding import Related
 from gpsfsm.model.plan import line_words
 from gpsfsm.model.precision import Reading
 from gpsfsm.model.printable import clip
+from gpsfsm.streams import complain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.model.finding import Finding
+    from gpsfsm.model.plan import Plan
     from gpsfsm.model.precision import Approximation
     from gpsfsm.model.story import Terms
 
@@ -37,7 +40,27 @@ def approximation_findings(
         yield _finding("GP119", "", other)
 
 
+def tell_over_approximated(what: str, *plans: Plan) -> None:
+    """Tell on standard error what was read of machines that their files may not do."""
+    for plan in plans:
+        rows = plan.approximations if isinstance(plan, MachinePlan) else ()
+        if over := [each for each in rows if each.reading is Reading.OVER]:
+            complain(f"{clip(plan.file, 200)}: {what}: {_words(over)}")
+
+
 def _finding(code: str, begin: str, rows: Sequence[Approximation]) -> Finding:
+    first, *rest = rows
+    return rule(code).finding(
+        begin + _words(rows),
+        first.location,
+        related=tuple(
+            Related(each.location, f"{clip(each.construct, _MAX_NAME)}: {each.cause.value}")
+            for each in rest[:_MAX_RELATED]
+        ),
+    )
+
+
+def _words(rows: Sequence[Approximation]) -> str:
     groups: dict[tuple[str, str, str], list[Approximation]] = {}
     for each in rows:
         groups.setdefault((each.reading.value, each.construct, each.cause.value), []).append(each)
@@ -45,15 +68,7 @@ def _finding(code: str, begin: str, rows: Sequence[Approximation]) -> Finding:
         f"{_reading(reading)}{clip(construct, _MAX_NAME)} at {_lines(places)} ({cause})"
         for (reading, construct, cause), places in groups.items()
     ]
-    first, *rest = rows
-    return rule(code).finding(
-        begin + listed(words, most=_MAX_GROUPS),
-        first.location,
-        related=tuple(
-            Related(each.location, f"{clip(each.construct, _MAX_NAME)}: {each.cause.value}")
-            for each in rest[:_MAX_RELATED]
-        ),
-    )
+    return listed(words, most=_MAX_GROUPS)
 
 
 def _reading(reading: str) -> str:

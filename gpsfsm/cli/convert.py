@@ -79,14 +79,15 @@ def command(context: click.Context, /, **_: object) -> int:
 
 
 def _run(values: ConvertCommand) -> int:
+    from gpsfsm.checking.approximations import tell_over_approximated
     from gpsfsm.checking.inputs import parse_named
     from gpsfsm.report import tell_errors
 
     parsed = parse_named(values.path, values.limits, from_response=values.from_response)
-    code = tell_errors(parsed)
-    if code or parsed.plan is None:
+    if (code := tell_errors(parsed)) or parsed.plan is None:
         complain(f"{parsed.file}: the text has errors; fix them first")
         return code or 1
+    tell_over_approximated("over-approximated here, and certain in what is written", parsed.plan)
     if values.to in _DRAWN:
         from gpsfsm.cli.show import DRAWINGS
         from gpsfsm.compile import compile_plan
@@ -100,8 +101,8 @@ def _run(values: ConvertCommand) -> int:
     try:
         text = convert_plan(parsed.plan, values.to)
     except CannotSayError as error:
-        plan = parsed.plan
-        place = next((e for e in plan.elements if plan.path(e) == error.path), plan.elements[0])
+        path, elements = parsed.plan.path, parsed.plan.elements
+        place = next((each for each in elements if path(each) == error.path), elements[0])
         where = f"{place.file or parsed.file}:{place.line}"
         complain(f"{where}: {values.to} cannot express {error.path}: {error.why}")
         return 1

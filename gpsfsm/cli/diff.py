@@ -95,25 +95,23 @@ def command(context: click.Context, /, **_: object) -> int:
 
 
 def _run(paths: list[str], values: DiffCommand) -> int:
+    from gpsfsm.checking.approximations import tell_over_approximated
     from gpsfsm.checking.inputs import parse_named
     from gpsfsm.report import tell_errors
 
     limits = values.limits
     parsed = [parse_named(path, limits, from_response=values.from_response) for path in paths]
-    wrong = [tell_errors(each) for each in parsed]
-    for path, each, code in zip(paths, parsed, wrong, strict=True):
-        if code or each.plan is None:
-            name = "<stdin>" if path == "-" else path
-            raise GpsfsmError(
-                f"{name}: the text has errors, so the plan is ambiguous; fix them first "
-                "('gpsfsm fix' may help)"
-            )
+    if wrong := [each for each in parsed if tell_errors(each) or each.plan is None]:
+        raise GpsfsmError(
+            f"{wrong[0].file}: the text has errors, so the plan is ambiguous; fix them first "
+            "('gpsfsm fix' may help)"
+        )
     plans = [each.plan for each in parsed if each.plan is not None]
+    tell_over_approximated("compared is what was read, which allows more than the file", *plans)
     from gpsfsm.equivalence import compare
 
     difference = compare(
-        plans[0],
-        plans[1],
+        *plans,
         consistent=values.consistent,
         assumptions=values.assume,
         tolerance=values.tolerance,

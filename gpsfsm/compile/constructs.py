@@ -464,6 +464,12 @@ YASMIN: Final = (
     ),
     _over(
         "",
+        "an `Item` that names a `Concurrence` without default, which has ended without an outcome",
+        "an exception, or the map does not hold",
+        Cause.VERSION,
+    ),
+    _over(
+        "",
         f"a `Concurrence` or `OrthogonalState` {_COMBINATIONS}",
         _ANY,
         Cause.COMBINATIONS,
@@ -482,7 +488,7 @@ LANGGRAPH: Final = (
     _exact("", "nodes", "a runner; one that raises ends the graph as a failure"),
     _exact(
         "",
-        "the single edge behind a node, if it belongs to no join",
+        "the single edge behind a node, if it can belong to no join and no subgraph",
         "the drawing is followed; that it is not, is inexact",
     ),
     _over(

@@ -200,6 +200,24 @@ def test_diff(capsys: pytest.CaptureFixture[str]) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["diff", "y.xml", "y.xml"], "compared is what was read, which allows more than the file"),
+        (["convert", "y.xml", "--to", "scxml"], "over-approximated here, and certain in what is"),
+        (["convert", "y.xml", "--to", "json"], "over-approximated here, and certain in what is"),
+    ],
+)
+def test_what_was_over_approximated_is_told_where_it_is_lost(
+    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = '<State name="A" class="A" module="m"><Transition from="ok" to="done"/></State>'
+    (tmp_path / "y.xml").write_text(f'<StateMachine outcomes="done">{state}</StateMachine>')
+    assert main(words) == 0
+    assert f"gpsfsm: y.xml: {told}" in (said := capsys.readouterr().err)
+    assert "A at line 1 (the file does not declare its outcomes)" in said
+
+
 def test_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     accepted = "loop.json: accepted (structure only: no task was given)\n"
     assert said("gate", "loop.json", capsys=capsys, code=0) == accepted

@@ -10,10 +10,13 @@ from hypothesis import strategies as st
 
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.formats import CannotSayError, formats
+from gpsfsm.compile.formats.scxml_writing import write_regions
 from gpsfsm.compile.plan_text import read_plan, read_plan_or_machine
 from gpsfsm.equivalence import compare, convert_plan, targets
 from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.model.plan import Plan
+from tests.analysis.machines.random_machines import automaton_of, machine
+from tests.compile.formats.statecharts import Chart
 from tests.compile.test_trees import tree
 from tests.equivalence.pairs import seeded
 from tests.equivalence.test_normal_form import trees
@@ -156,6 +159,39 @@ def test_a_loop_becomes_a_chart() -> None:
     ).plan
     assert plan is not None
     assert '<transition event="A.failed" target="A"/>' in convert_plan(plan, "scxml")
+
+
+@pytest.mark.parametrize(
+    ("lines", "to", "why"),
+    [
+        (["start SUCCEEDED end"], "yasmin", "the machine ends before a state runs"),
+        (
+            ["start SUCCEEDED a", "a SUCCEEDED j", "a FAILED j", "j SUCCEEDED a"],
+            "yasmin",
+            "it fires again only once all its inputs have come",
+        ),
+        (
+            ["start SUCCEEDED a", "a SUCCEEDED j", "a FAILED j", "j SUCCEEDED a"],
+            "scxml",
+            "a join of some of its inputs that can come again",
+        ),
+    ],
+)
+def test_a_machine_that_has_no_counterpart_is_refused(lines: list[str], to: str, why: str) -> None:
+    """They were internal errors: what was written did something else."""
+    text = converted(automaton_of(machine(*lines, j=1)).plan, to)
+    assert isinstance(text, CannotSayError)
+    assert text.why == why
+
+
+def test_a_join_of_the_start_alone_is_not_armed_again() -> None:
+    """Its macrostep would never end."""
+    lines = ("start SUCCEEDED a", "start SUCCEEDED j", "j SUCCEEDED b", "a SUCCEEDED end")
+    text = write_regions(automaton_of(machine(*lines, j=1)))
+    chart = Chart(text)
+    (moment,) = chart.first()
+    active = {each for each in chart.active(moment.at) if each.endswith("_active")}
+    assert sorted(each[0] for each in active) == ["a", "b"]
 
 
 def test_what_does_something_else_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:

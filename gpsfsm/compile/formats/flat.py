@@ -51,9 +51,12 @@ def flat(automaton: Automaton) -> tuple[str, tuple[FlatState, ...]]:
             raise refuse(source, "it starts several at once")
     for source, _, target in automaton.stops:
         raise refuse(source, f"it stops {plan.path(automaton.nodes[target].origin)}")
+    again = _repeating(automaton)
     for node in automaton.nodes:
         if node.kind is NodeKind.JOIN and node.need > 1:
             raise refuse(node.index, "it waits for several at once")
+        if node.index in again and len(automaton.inputs[node.index]) > 1:
+            raise refuse(node.index, "it fires again only once all its inputs have come")
     if len(automaton.starts) != 1:
         raise refuse(automaton.starts[1], "it is a second start")
     names = {automaton.complete: COMPLETED, automaton.give_up: GAVE_UP}
@@ -81,6 +84,15 @@ def flat(automaton: Automaton) -> tuple[str, tuple[FlatState, ...]]:
         for runner in automaton.runners
     )
     return leads(automaton.starts[0], Event.SUCCEEDED), states
+
+
+def _repeating(automaton: Automaton) -> set[int]:
+    """The joins in loops."""
+    import networkx
+
+    parts = networkx.strongly_connected_components(automaton.graph)
+    looping = {node for part in parts if len(part) > 1 for node in part}
+    return {each for each in looping if automaton.nodes[each].kind is NodeKind.JOIN}
 
 
 def _name(element: Element, taken: set[str]) -> str:

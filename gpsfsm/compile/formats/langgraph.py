@@ -4,7 +4,9 @@ A node is a runner; one that raises ends the graph, so its failure gives up. The
 it leaves out the targets of ``Command``, ``Send`` and of conditions that do not declare them, and
 does not tell a join from single edges. So after each node, the drawing may be followed or not; then
 any nodes may run together, or none and the graph ends. Exact is what a plain edge says that cannot
-belong to a join; an edge to ``__end__`` may stand for a condition whose targets are not drawn.
+belong to a join; an edge to ``__end__`` may stand for a condition whose targets are not drawn. A
+join with a node that nothing is drawn to may be drawn as a single edge, and so may an edge into a
+subgraph, within it (``i:a``) or out of it, in place of its own start and end.
 
     a → b      a SUCCEEDED → "a: as drawn";  it SUCCEEDED → b, FAILED → "another node follows"
 
@@ -21,7 +23,7 @@ from gpsfsm.compile.formats import Format
 from gpsfsm.compile.formats.elements import problem
 from gpsfsm.compile.machine_files import has_start
 from gpsfsm.compile.machines import Place, machine_of, mark
-from gpsfsm.model.capability import CHOICE
+from gpsfsm.model.capability import CHOICE, TICK
 from gpsfsm.model.plan import Location
 from gpsfsm.model.precision import Approximation, Cause, Reading
 from gpsfsm.model.printable import clip
@@ -100,9 +102,13 @@ class _Drawing:
 
         self.graph: nx.MultiDiGraph[Any] = networkx.MultiDiGraph()
         self.rows, self.places = rows, places
-        runners = [name for name in nodes if name not in (_START, _END)]
+        inner = [name for name in nodes if _is_inner_end(name)]
+        runners = [name for name in nodes if name not in (_START, _END, *inner)]
+        targets = {target for _, target, _ in rows}
+        self.complete = all(name in targets for name in runners)
         self.graph.add_node(_START, kind="start")
         self.graph.add_nodes_from((name, {"kind": "runner", "interface": name}) for name in runners)
+        self.graph.add_nodes_from((name, {"kind": "runner", "interface": TICK}) for name in inner)
         self.graph.add_node(_END, kind="complete")
         give_up = self._node("give_up", _START, kind="give_up")
         self.step = self._node("the first of several ends", _START, kind="join", need=1)
@@ -111,9 +117,10 @@ class _Drawing:
         self._lead(self.another, "FAILED", [_END])
         for name in runners:
             self._lead(name, "FAILED", [give_up])
+        for name in (*runners, *inner):
             self._lead(name, "SUCCEEDED", [self.step])
             self.graph.add_edge(self.step, name, event="SUCCEEDED", action="stop")
-        for name in (_START, *runners):
+        for name in (_START, *runners, *inner):
             self._follow(name)
 
     def _node(self, name: str, of: str, **data: Any) -> str:
@@ -147,6 +154,7 @@ class _Drawing:
             if always == [target] and _START not in (name, source) and not _may(edge)
         }
         exact = not may and always != [_END] and len(always) == 1 and len(joined) < 2
+        exact = exact and (self.complete or name == _START) and ":" not in name + always[0]
         choice = self._choice(f"{name}: as drawn", name, exact=exact)
         self._lead(name, "SUCCEEDED", [choice])
         self._lead(choice, "FAILED", [self.another])
@@ -197,6 +205,11 @@ def _limit(
 
 def _location(place: Place, name: str) -> Location:
     return Location(place.line, place.column, clip(f"/machine/{name}", 200))
+
+
+def _is_inner_end(name: str) -> bool:
+    """True for the start or end of a subgraph: nothing runs there."""
+    return ":" in name and name.rpartition(":")[2] in (_START, _END)
 
 
 def _may(edge: Any) -> bool:

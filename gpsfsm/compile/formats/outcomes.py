@@ -24,14 +24,17 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.compile.formats.elements import problem
 from gpsfsm.compile.formats.states import (
+    NOTHING,
     RAISED,
     UNNAMED,
     State,
     combinations,
+    ends_with_nothing,
     in_conflict,
     may_raise,
     needed,
     results,
+    said,
 )
 from gpsfsm.compile.machines import Place, ReadMachine, machine_of, mark
 from gpsfsm.model.capability import CHOICE, TICK
@@ -169,7 +172,7 @@ class _Writer:
                     message = f"the outcome map of {state.name!r} names {name!r}, which it lacks"
                     self._fault(state, message, "name one of its states")
             self._check_outcome(state, outcome, "the outcome map leads to")
-        raises = state.exclusive and state.default == RAISED
+        raises = ends_with_nothing(state)
         if state.parallel and not state.open_end and not state.early and not raises:
             self._check_outcome(state, state.default, "by default it ends with")
 
@@ -401,7 +404,7 @@ class _Writer:
                 scope.firsts.append(self._node(name, state.place, kind="join", need=2))
             return
         for combination in combinations(state):
-            name = f"{names}: {', '.join(combination)}"
+            name = f"{names}: {said(combination)}"
             need = len(state.states)
             scope.joins.append(self._node(name, state.place, kind="join", need=need))
 
@@ -433,7 +436,7 @@ class _Writer:
         signal = (join, _DONE)
         result, *others = results(scope.state, combination)
         for other in others:
-            of = f"{scope.path or scope.state.name}: {', '.join(combination)}: {other}"
+            of = f"{scope.path or scope.state.name}: {said((*combination, other))}"
             tick = self._tick(scope, f"{of} or not", [signal])
             taken, signal = self._choice(scope.outer, of, scope.state.place, [(tick, _DONE)])
             self._mark(taken[0], scope.state, Cause.VERSION)
@@ -497,13 +500,13 @@ class _Writer:
         outcomes = list(state.outcomes)
         cause = Cause.CODE if state.open_end else Cause.COMBINATIONS
         if may_raise(state):
-            outcomes.append(RAISED)
+            outcomes += (RAISED, *ends_with_nothing(state))
         for number, outcome in enumerate(outcomes):
             if number == len(outcomes) - 1:
                 for signal in signals:
                     self._end(scope, scope.outer, signal, outcome)
                 return
-            of = f"{path}: {outcome}"
+            of = f"{path}: {said([outcome])}"
             taken, other = self._choice(scope.outer, of, state.place, signals)
             self._mark(taken[0], state, cause)
             self._end(scope, scope.outer, taken, outcome)
@@ -523,11 +526,12 @@ class _Writer:
     def _end(self, scope: _Scope, outer: _Scope | None, signal: Signal, outcome: str) -> None:
         path = scope.path or scope.state.name
         if self.graph.nodes[signal[0]]["kind"] == "join":  # else it could cause itself at once
-            name = f"{path}: {outcome or 'an exception'}"
+            name = f"{path}: {said([outcome])}"
             signal = (self._tick(scope, name, [signal]), _DONE)
         for join in (*scope.joins, *scope.firsts):  # the others wait for nobody any more
             self._connect([signal], join, "stop")
-        if outcome == RAISED:
+        lost = outcome == NOTHING and not (outer and outer.state.parallel)
+        if outcome == RAISED or lost:
             self._raise(signal, scope)
         elif outer is None:
             self._connect([signal], "give_up" if is_failure(outcome) else "complete")

@@ -312,7 +312,8 @@ class _Writer:
             self._put(5, "</state>")
             self._put(5, f'<final id="{come}"/>')
             self._put(4, "</state>")
-        self._transition(4, f"done.state.{every}", every)  # it is armed again
+        if not self._from_start(node):  # else it fires once, and would at once again
+            self._transition(4, f"done.state.{every}", every)  # it is armed again
         for signal in self.stops.get(node, ()):
             self._transition(4, self._event(signal), every)
         self._put(3, "</parallel>")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING, Any, Final
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 MOST_COMBINATIONS: Final = 64
 RAISED: Final = ""
 """The outcome of a container that ends by an exception."""
+NOTHING: Final = "\0"  # which no file can contain
+"""The outcome of an ``exclusive`` concurrence without a default, if no rule holds."""
 UNNAMED: Final = "*"
 """All outcomes of which no rule of a concurrence speaks."""
 Rules = list[tuple[str, Mapping[str, str]]]
@@ -33,7 +35,8 @@ class State:
 
     ``open``: how the file leaves open which further outcomes a state has. In a container that goes
     ``by_name``, an outcome without a transition leads to the state of that name. ``exclusive``: a
-    concurrence raises where several of its outcomes hold, or none and there is no default.
+    concurrence raises where several of its outcomes hold, or where a rule asks for the outcome of a
+    state that has ended with NOTHING.
     """
 
     name: str
@@ -77,7 +80,7 @@ def combinations(state: State) -> list[tuple[str, ...]]:
         if each.open or not declared or any(outcome not in rows for outcome in declared):
             rows.append(UNNAMED)
         if may_raise(each):
-            rows.append(RAISED)
+            rows += (RAISED, *ends_with_nothing(each))
         named.append(rows)
         size *= len(rows)
     return list(product(*named)) if 0 < size <= MOST_COMBINATIONS else []
@@ -92,13 +95,28 @@ def results(state: State, combination: tuple[str, ...]) -> list[str]:
     for rules in (state.rules, *(() if state.rules_before is None else (state.rules_before,))):
         held = [outcome for outcome, items in rules if items.items() <= here.items()]
         several = state.exclusive and len({*held}) > 1
-        ends[RAISED if several else (*held, state.default)[0]] = None
+        ends[RAISED if several else (*held, state.default or NOTHING)[0]] = None
+    for _, items in state.rules:  # a rule is given up at the first item that differs, in any order
+        differing = {here[name] for name, wanted in items.items() if here[name] != wanted}
+        if NOTHING in differing:
+            ends = {**(ends if len(differing) > 1 else {}), RAISED: None}
     return list(ends)
 
 
 def may_raise(state: State) -> bool:
     """True for what ends by an exception if rules of a concurrence in it are not clear."""
     return state.exclusive or any(map(may_raise, state.states))
+
+
+def ends_with_nothing(state: State) -> list[str]:
+    """NOTHING, if a concurrence can end so."""
+    return [NOTHING] if state.exclusive and not state.default else []
+
+
+def said(outcomes: Iterable[str]) -> str:
+    """Outcomes, as the name of a node says them."""
+    words = {RAISED: "an exception", NOTHING: "no outcome"}
+    return ", ".join(words.get(each, each) for each in outcomes)
 
 
 def needed(rules: Rules) -> Rules:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
-from gpsfsm.compile.formats import Format
+from gpsfsm.compile.formats import CannotSayError, Format
 from gpsfsm.compile.formats.elements import Elements, at, place_of
 from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.formats.outcomes import machine_from
@@ -166,7 +166,7 @@ class _Reader:
         maps: dict[str, dict[str, str]] = {}
         for child in self.elements.children(node):
             if child.tag in _MAPS:
-                outcome = child.text("outcome") or child.text("to")
+                outcome = child.text(_OF_MAPS[child.tag])
                 if maps.pop(outcome, None) is not None:
                     self._skip(child, f"outcome map of '{outcome}' before this one")
                 items = self.elements.children(child)
@@ -253,6 +253,9 @@ def write(automaton: Automaton) -> str:
     CannotSayError for automata in which several act at once.
     """
     first, states = flat(automaton)
+    if first in (COMPLETED, GAVE_UP):
+        start = automaton.plan.path(automaton.nodes[automaton.starts[0]].origin)
+        raise CannotSayError(start, "the machine ends before a state runs")
     name = quoteattr(automaton.plan.file.rpartition("/")[2].partition(".")[0] or "plan")
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',

@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 import json
+import random
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pytest
+
 import gpsfsm
+from gpsfsm.compile.formats.langgraph import read
 from gpsfsm.model.precision import Cause, Reading
 from gpsfsm.model.report import Frequency, Precision
+from gpsfsm.syntax.source import DEFAULT_LIMITS
+from tests.cases import batches
+from tests.compile.formats.against_runs import compared
+from tests.compile.formats.langgraph_programs import (
+    Supersteps,
+    TooManyError,
+    drawing,
+    random_program,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gpsfsm.model.report import PlanReport
 
 CASES = Path(__file__).parent / "cases"
@@ -27,6 +43,7 @@ def drawn(*edges: str, **metadata: dict[str, Any]) -> str:
     names = dict.fromkeys(
         ("__start__", *(row[end] for row in rows for end in ("source", "target")))
     )
+    names |= dict.fromkeys(metadata)
     nodes = [{"id": name, **metadata.get(name, {})} for name in names]
     return json.dumps({"nodes": nodes, "edges": rows}, indent=1)
 
@@ -113,3 +130,66 @@ def test_graphs_of_many_nodes_are_decided() -> None:
     names = [f"n{number}" for number in range(15)]  # 20 reach more than 50,000 configurations
     edges = [f"{a}?{b}" for a in names for b in names[:3]]
     assert checked(drawn("__start__>n0", *edges)).facts is not None
+
+
+def test_a_join_with_a_node_that_nothing_is_drawn_to_may_be_one_edge() -> None:
+    """``add_edge(["a", "z"], "d")``, drawn where something else leads to d: nothing leads to z."""
+    edges = ("__start__>a", "a>d", "d>a")
+    assert inexact(checked(drawn(*edges))) == ["__start__"]
+    report = checked(drawn(*edges, z={}))
+    assert inexact(report) == ["__start__", "a", "d", "z"]
+    assert report.facts is not None
+    assert report.facts.machine is not None
+    assert report.facts.precision["endless"] is Precision.MAY
+
+
+def test_an_edge_out_of_a_subgraph_may_stand_for_a_condition() -> None:
+    edges = ("__start__>a", "a>i:x", "i:x>i:y", "i:y>b", "b>a")
+    assert inexact(checked(drawn(*edges))) == ["__start__", "a", "i:x", "i:y"]
+
+
+def test_nothing_runs_at_the_start_of_a_subgraph() -> None:
+    """It is drawn where an edge leads back to the first node of the subgraph."""
+    report = checked(drawn("__start__>i:__start__", "i:__start__>i:x", "i:x?i:x", "i:x>i:__end__"))
+    (described,) = (each.message for each in report.findings if each.rule == "GP210")
+    assert "'i:x'" in described
+    assert "__'" not in described
+
+
+# -- against an interpreter of supersteps ----------------------------------------------------------
+
+
+def judged(seed: int) -> Iterator[str]:
+    """What is said of a drawing holds for the program that was drawn; labels for a campaign."""
+    chance = random.Random(seed)  # noqa: S311
+    program = random_program(chance)
+    old = chance.random() < 0.3
+    text = drawing(program, old=old, inlined=not old)
+    machine, problems = read(text, "g.json", DEFAULT_LIMITS)
+    if machine is None:
+        yield f"refused: {problems[0].message}"
+        return
+    yield "drawn by 0.2" if old else "drawn by 0.6 or later"
+    try:
+        graph = Supersteps(program).graph()
+    except TooManyError:
+        yield "too many positions"
+        return
+    yield from compared(machine, graph, graph, chance)
+
+
+def described(seed: int) -> str:
+    """The case of a seed, to be read."""
+    program = random_program(random.Random(seed))  # noqa: S311
+    return f"{seed}: {program}"
+
+
+@pytest.mark.parametrize("batch", batches(4))
+def test_random_graphs_do_what_langgraph_does(batch: int) -> None:
+    labels: Counter[str] = Counter()
+    for seed in range(40 * batch, 40 * batch + 40):
+        try:
+            labels.update(judged(seed))
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{described(seed)}") from error
+    assert labels["compared"] >= 20
