@@ -16,13 +16,11 @@ from tests.compile.formats.builder_programs import judged, program
 
 CASES = Path(__file__).with_name("builders")
 REFUSED = {
-    "flexbe_cmp_sm.py": 13,
     "flexbe_mt_sm.py": 14,
     "flexbe_ret_sm.py": 14,
     "flexbe_tr_sm.py": 16,
     "smach_add_auto.py": 10,  # the documentation and the code of SMACH say the opposite
     "smach_cfg.py": 8,
-    "smach_comp.py": 5,
     "smach_dupadd.py": 6,
     "smach_exec1.py": 5,
     "smach_getattr1.py": 5,
