@@ -245,6 +245,9 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
         progress.fail("GP908", each.message)
     if parsed.plan is not None and options.decides and not refused:
         _decide(parsed.plan, options, progress)
+    wrong = any(each.severity is Severity.ERROR for each in progress.findings)
+    if parsed.plan is None and not (wrong or progress.undecided):
+        progress.fail("GP903", "no error says why nothing was read; this is a defect of gpsfsm")
     on_engine: EngineFindings | GpsfsmError | None = None
     if options.engine != PAPER_ENGINE and not (
         parsed.over_limit or parsed.foreign or parsed.machine or parsed.trees

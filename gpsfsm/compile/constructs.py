@@ -204,7 +204,13 @@ TREE: Final = (
         "any child, one after the other, any number of times; any result at any time",
         Cause.UNKNOWN_NODE,
     ),
-    _skipped("", "an attribute with `_` that no version reads", "", Cause.NO_MEANING),
+    _skipped(
+        "",
+        "attributes, elements and text that BehaviorTree.CPP does not read",
+        "",
+        Cause.NO_MEANING,
+    ),
+    _skipped("", "a port of a node of Nav2 that gpsfsm does not know", "", Cause.VERSION),
     _refused(
         "",
         "a DOCTYPE; a file or tree that is missing; wrong numbers of children; malformed numbers",

@@ -15,10 +15,7 @@ from gpsfsm.syntax.text import is_json, root_name
 from gpsfsm.syntax.tree import OF_PLANS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from gpsfsm.compile.units import TreeMachine, TreePlan
-    from gpsfsm.model.precision import Approximation
     from gpsfsm.model.tree import Forest
     from gpsfsm.syntax.trees import Includes
 
@@ -175,6 +172,7 @@ def _span(text: str, from_response: bool) -> tuple[int, int] | None:
 def _trees(
     text: str, file: str, limits: Limits, span: tuple[int, int], includes: Includes | None
 ) -> Parsed:
+    from gpsfsm.compile.tree_scripts import unread
     from gpsfsm.syntax.trees import read_trees
 
     start, end = span
@@ -209,24 +207,8 @@ def _trees(
         lost=lost,
         included={} if includes is None else includes.texts,
         forest=read.forest,
-        approximations=() if read.forest is None else tuple(_ignored(read.forest)),
+        approximations=() if read.forest is None else tuple(unread(read.forest, read.texts)),
     )
-
-
-def _ignored(forest: Forest) -> Iterator[Approximation]:
-    """The attributes that look like those of every node, and that no version reads."""
-    from gpsfsm.model.precision import Approximation, Cause, Reading
-    from gpsfsm.syntax.scripts import SPECIAL
-    from gpsfsm.syntax.tree_nodes import is_unread_script, special_name
-
-    for node in forest.nodes:
-        for each in node.attributes:
-            name = each.name
-            if not name.startswith("_") or name in SPECIAL or special_name(name, forest.version):
-                continue
-            if not is_unread_script(name, each.text):  # else GP824 reports it
-                what = f"attribute {name}"
-                yield Approximation(Reading.SKIPPED, what, node.location, Cause.NO_MEANING)
 
 
 def _meaning(forest: Forest) -> tuple[TreePlan | TreeMachine | None, tuple[Problem, ...], bool]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.model.plan import line_words
 from gpsfsm.model.tree import (
     BUILTINS,
+    NAV2_CONDITIONS,
     RESERVED,
     Builtin,
     Meaning,
@@ -360,6 +361,8 @@ class NodeRules:
             self._tell("GP805", node, message, "remove <Root> and </Root>, and keep what is inside")
             return
         category = node.tag if node.explicit else model.category if model else ""
+        if model is None and name in NAV2_CONDITIONS:
+            category = "Condition"
         if category in ("Action", "Condition", "SubTree") and node.children:
             article = "an" if category == "Action" else "a"
             self._count(node, f"{article} {category} has no child", "move its content after it")

@@ -46,13 +46,15 @@ class ReadTrees:
     """A text of behaviour trees that was read.
 
     ``forest`` is None where the trees cannot be known. ``over`` tells that a limit ended the
-    reading. ``collector`` takes what the compiler finds wrong, too.
+    reading. ``collector`` takes what the compiler finds wrong, too. ``texts`` are the indices of
+    the elements that hold text.
     """
 
     forest: Forest | None
     collector: Collector
     suppressions: tuple[Suppression, ...]
     over: bool
+    texts: tuple[int, ...] = ()
 
 
 def is_trees(text: str, *, alone: bool = False) -> bool:
@@ -166,7 +168,8 @@ def read_trees(
     described = models_of(nodes, collector)
     models = described if extra is None else extra
     rules = TreeRules(nodes, file, models, collector, roots=reading.in_order(), includes=includes)
-    return ReadTrees(rules.forest(), collector, suppressions, over=False)
+    texts = tuple(reading.texts)
+    return ReadTrees(rules.forest(), collector, suppressions, over=False, texts=texts)
 
 
 @dataclass(slots=True)
@@ -179,6 +182,7 @@ class Reading:
     nodes: list[TreeNode] = field(default_factory=list)
     roots: dict[str, int] = field(default_factory=dict)
     suppressions: list[Suppression] = field(default_factory=list)
+    texts: list[int] = field(default_factory=list)
     over: bool = False
     broken: bool = False
     fatal: bool = False
@@ -234,6 +238,7 @@ class Reading:
         self.broken |= broken
         room = MAX_SUPPRESSIONS - len(self.suppressions)
         self.suppressions += reader.suppressions[:room]
+        self.texts += reader.texts
         self.over |= reader.over
         self.fatal |= reader.fatal or not nodes
 
@@ -281,6 +286,7 @@ class TreeReader(TokenReader):
         self._prefix, self._base = prefix, base
         self._tags: list[tuple[StartTag, int, str, tuple[Attribute, ...]]] = []
         self._children: list[list[int]] = []
+        self.texts: list[int] = []
 
     def read(self, tokens: Iterable[Token]) -> tuple[TreeNode, ...]:
         """Read all tokens; the elements in document order, the root first."""
@@ -328,9 +334,11 @@ class TreeReader(TokenReader):
             self.broken = self.fatal = True
 
     def _text(self, run: TextRun) -> None:
-        """BehaviorTree.CPP skips text inside elements, and so do we; outside it is reported."""
+        """BehaviorTree.CPP skips text inside elements, and so do we; outside it is an error."""
         self._faults(run.faults)
-        if not self._nesting.frames:
+        if self._nesting.frames:
+            self.texts.append(self._base + self._nesting.frames[-1].index)
+        else:
             self.broken = True
             shown, hint = clip(self.text[run.start : run.end]), "remove it"
             if self._outermost in ("root", "BehaviorTree"):

@@ -121,6 +121,9 @@ class Builder(ABC):
         self.branch: tuple[int, ...] = ()  # the paths around that only a run decides
         self.containers: list[Container] = []  # in the order in which they are made
         self.lost: dict[int, Any] = {}  # what code may have changed that is not followed
+        self.sources: dict[
+            int, tuple[Any, ...]
+        ] = {}  # views and iterators, and what they go through
         self.executed: list[Container] = []
         self.open: list[Container] = []  # those to which states are added, the innermost last
         self.shared: set[int] = set()  # dictionaries that were transitions of a state of FlexBE
@@ -146,6 +149,10 @@ class Builder(ABC):
     def note(self, reading: Reading, construct: str, node: ast.AST | Place, cause: Cause) -> None:
         """Something that is skipped or assumed; of each kind, the first place is enough."""
         self.notes.setdefault((construct, cause), _approximation(reading, construct, node, cause))
+
+    def stale(self, rows: Any) -> bool:
+        """True if what a loop goes through is not certain any more."""
+        return any(id(each) in self.lost for each in (rows, *self.sources.get(id(rows), ())))
 
     def settled(self, value: Any) -> Any:
         """A value in which all is UNKNOWN that a call may have changed."""

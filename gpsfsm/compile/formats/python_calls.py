@@ -1,4 +1,4 @@
-"""Expressions and calls of Python that is read and not executed.
+"""Functions, classes and calls of Python that is read and not executed.
 
 A function or a class of the file is followed. A call of anything else may change what it is handed,
 and may add states to a container that is open; so the one is unknown afterwards, the other refused.
@@ -7,31 +7,24 @@ and may add states to a container that is open; so the one is unknown afterwards
 from __future__ import annotations
 
 import ast
-import builtins
 from abc import abstractmethod
-from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.compile.formats.python_builders import (
     CONTAINERS,
-    HARMLESS_METHODS,
     STATES,
     Arguments,
     Container,
     texts,
 )
 from gpsfsm.compile.formats.python_effects import (
-    FAMILY,
-    KEEPING,
-    Effects,
+    Expressions,
     LeaveError,
     RaiseError,
-    TooMuchError,
-    in_family,
-    own_nodes,
 )
 from gpsfsm.compile.formats.python_values import (
     CHANGING,
+    KEEPING,
     UNKNOWN,
     Bound,
     Class,
@@ -40,22 +33,17 @@ from gpsfsm.compile.formats.python_values import (
     Instance,
     Library,
     Scope,
-    compared,
     dotted,
     function_result,
-    joined_text,
+    in_family,
     method_result,
-    operated,
-    plain,
-    row,
-    truth,
+    own_nodes,
 )
 from gpsfsm.model.precision import Cause, Reading
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-MOST_VALUES: Final = 500_000
 _DEEPEST: Final = 12
 _HARMLESS = frozenset(
     {"rospy", "roslib", "rclpy", "time", "math", "os", "sys", "logging", "threading", "actionlib"}
@@ -68,270 +56,93 @@ _FORBIDDEN = frozenset(
     {"exec", "eval", "compile", "globals", "locals", "vars", "__import__", "setattr", "delattr"}
     | {"getattr", "type", "breakpoint"}
 )
+_LEAVING = frozenset(
+    {"print", "len", "str", "repr", "int", "float", "bool", "abs", "round", "isinstance", "super"}
+    | {"issubclass", "callable", "hasattr", "id", "hash", "input", "open", "ord", "chr", "format"}
+)
+"""Functions that keep nothing of what they are handed, and return nothing of it."""
+_TAKING = frozenset({"max", "min", "sum", "set", "frozenset", "any", "all", "list", "tuple"}) | {
+    *("sorted", "dict", "zip", "enumerate", "reversed", "range")
+}
+"""Functions that do so with what is in it."""
 _SPECIAL = ("__getattr__", "__getattribute__", "__setattr__", "__new__", "__enter__", "add")
 _OVERRIDDEN = (*_SPECIAL, "__init_subclass__", "get_registered_outcomes", "register_outcomes")
 _EXITS = ("sys.exit", "os._exit", "builtins.exit", "builtins.quit")
 
 
-class Calls(Effects):
-    """The values of expressions, and what calls do."""
+class Calls(Expressions):
+    """The values of calls, and what they do."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.globals = Scope()
-        self.functions: list[Function] = []
         self.called: set[Any] = set()
         self.instances: list[Instance] = []
-        self.strangers = False  # another file may give names that are not seen
-        self.depth = self.values = self.constructing = 0
+        self.depth = self.constructing = 0
 
     @abstractmethod
     def block(self, body: Sequence[ast.stmt], scope: Scope) -> None:
         """Follow statements."""
 
-    @abstractmethod
-    def assign(self, target: ast.expr, value: Any, scope: Scope) -> None:
-        """Follow an assignment."""
-
-    # -- expressions ------------------------------------------------------------------------
-
-    def value(self, node: ast.expr, scope: Scope) -> Any:
-        """The value of an expression, as far as the source says it."""
-        self.values += 1
-        if self.values > MOST_VALUES:
-            raise TooMuchError
-        match node:
-            case ast.Constant():
-                return node.value
-            case ast.Name():
-                result = self._name(node.id, scope)
-            case ast.Attribute():
-                result = self.attribute(self.value(node.value, scope), node.attr, node)
-            case ast.Call():
-                result = self._called(node, scope)
-            case ast.List() | ast.Tuple():
-                rows = self._elements(node.elts, scope)
-                result = UNKNOWN if rows is None else rows
-                if isinstance(node, ast.Tuple) and rows is not None:
-                    result = tuple(rows)
-                self.fresh(result)
-            case ast.Dict():
-                result = self.fresh(self._dictionary(node, scope))
-            case _:
-                result = self._combined(node, scope)
-        return UNKNOWN if id(result) in self.lost else result
-
-    def _name(self, name: str, scope: Scope) -> Any:
-        if name in self.haunted:
-            return UNKNOWN
-        value = scope.get(name)
-        if value is not None:
-            return value[0]
-        if name == "__name__":
-            return "__main__"  # the file is the program
-        if hasattr(builtins, name):
-            return Library(f"builtins.{name}")
-        if self.strangers and name in ("smach", "smach_ros", *CONTAINERS, *STATES):
-            return Library(name if name in FAMILY else f"smach.{name}")
-        return UNKNOWN
-
-    def _elements(self, nodes: Iterable[ast.expr], scope: Scope) -> list[Any] | None:
-        """Values in their order; None where a star hides how many."""
-        result: list[Any] | None = []
-        for each in nodes:
-            value = self.value(each.value if isinstance(each, ast.Starred) else each, scope)
-            if not isinstance(each, ast.Starred):
-                if result is not None:
-                    result.append(value)
-            elif result is None or not row(value):
-                result = None
-            else:
-                result.extend(value)
-        return result
-
-    def _dictionary(self, node: ast.Dict, scope: Scope) -> Any:
-        result: Any = {}
-        for key, each in zip(node.keys, node.values, strict=True):
-            name = None if key is None else self.value(key, scope)
-            value = self.value(each, scope)
-            if key is None and isinstance(value, dict) and result is not UNKNOWN:
-                result.update(value)
-            elif key is None or not plain(name) or isinstance(name, list | dict):
-                result = UNKNOWN
-            elif result is not UNKNOWN:
-                result[name] = value
-        return result
-
-    def _combined(self, node: ast.expr, scope: Scope) -> Any:
-        match node:
-            case ast.JoinedStr():
-                return joined_text([self._part(each, scope) for each in node.values])
-            case ast.BinOp():
-                left, right = self.value(node.left, scope), self.value(node.right, scope)
-                return self.fresh(operated(node.op, left, right))
-            case ast.UnaryOp():
-                return self._unary(node, scope)
-            case ast.BoolOp():
-                return self._either(node.values, scope, stop=isinstance(node.op, ast.Or))
-            case ast.Compare():
-                return self._compare(node, scope)
-            case ast.IfExp():
-                test = truth(self.value(node.test, scope))
-                if test is UNKNOWN:
-                    return self._either_of((node.body, node.orelse), scope)
-                return self.value(node.body if test else node.orelse, scope)
-            case ast.Subscript():
-                return self._item(node, scope)
-            case ast.NamedExpr():
-                value = self.value(node.value, scope)
-                self.assign(node.target, value, scope)
-                return value
-            case ast.Lambda():
-                made = Function(node, scope)
-                self.functions.append(made)
-                self.later(made)
-                return made
-        self._all_of(node, scope)
-        return UNKNOWN
-
-    def _all_of(self, node: ast.AST, scope: Scope) -> None:
-        """All expressions in one that is not followed itself."""
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.comprehension):
-                self.value(child.iter, scope)
-                self.assign(child.target, UNKNOWN, scope)
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.expr):
-                self.value(child, scope)
-
-    def _either_of(self, nodes: Sequence[ast.expr], scope: Scope) -> Any:
-        """Expressions of which only a run decides whether they are evaluated."""
-        for each in nodes:
-            self.perhaps(partial(self.value, each, scope), lambda: None)
-        return UNKNOWN
-
-    def _unary(self, node: ast.UnaryOp, scope: Scope) -> Any:
-        value = self.value(node.operand, scope)
-        if isinstance(node.op, ast.Not):
-            test = truth(value)
-            return test if test is UNKNOWN else not test
-        negative = isinstance(node.op, ast.USub) and isinstance(value, int | float)
-        return -value if negative else UNKNOWN
-
-    def _either(self, nodes: Sequence[ast.expr], scope: Scope, *, stop: bool) -> Any:
-        value: Any = UNKNOWN
-        for number, each in enumerate(nodes):
-            value = self.value(each, scope)
-            test = truth(value)
-            if test is UNKNOWN and number + 1 < len(nodes):
-                return self._either_of(nodes[number + 1 :], scope)
-            if test is stop:
-                return value
-        return value
-
-    def _compare(self, node: ast.Compare, scope: Scope) -> Any:
-        left, result = self.value(node.left, scope), True
-        for number, (kind, each) in enumerate(zip(node.ops, node.comparators, strict=True)):
-            right = self.value(each, scope)
-            result = compared(kind, left, right)
-            if result is UNKNOWN:
-                return self._either_of(node.comparators[number + 1 :], scope)
-            if not result:
-                return False
-            left = right
-        return result
-
-    def _part(self, node: ast.expr, scope: Scope) -> Any:
-        """A part of a formatted text; unknown if it is written in a form of its own."""
-        if not isinstance(node, ast.FormattedValue):
-            return self.value(node, scope)
-        simple = node.format_spec is None and node.conversion == -1
-        value = self.value(node.value, scope)
-        return value if simple else UNKNOWN
-
-    def _item(self, node: ast.Subscript, scope: Scope) -> Any:
-        whole = self.value(node.value, scope)
-        key = self.value(node.slice, scope)
-        if isinstance(whole, Container):
-            self.fault(node, "the states of a container are not followed", "write them out")
-        if not isinstance(whole, dict | list | tuple | str) or not plain(key):
-            return UNKNOWN
-        try:
-            return whole[key]
-        except (LookupError, TypeError) as error:
-            raise FailsError from error
-
-    def attribute(self, owner: Any, name: str, node: ast.AST) -> Any:
-        """An attribute of a value."""
-        if isinstance(owner, Library):
-            return Library(f"{owner.name}.{name}")
-        if name in self.haunted:
-            return UNKNOWN
-        if isinstance(owner, Class):
-            value = owner.get(name)
-            return UNKNOWN if value is None else value
-        if isinstance(owner, Instance):
-            value = None if owner.of is None else owner.of.get(name)
-            value = owner.attributes.get(name, value)
-            if isinstance(owner, Container) and (value is None or isinstance(value, Library)):
-                return self._of_container(owner, name, node)
-            return self._bound(value, owner)
-        return Bound(name, owner) if isinstance(owner, str | list | dict | tuple) else UNKNOWN
-
-    def _bound(self, value: Any, owner: Any) -> Any:
-        if isinstance(value, Function) and value.owner is not None and not value.static:
-            return Bound(value, owner)
-        if isinstance(value, Library) and value.name.partition(".")[0] in FAMILY:
-            return Bound(value, owner)
-        return UNKNOWN if value is None else value
-
-    def _of_container(self, owner: Container, name: str, node: ast.AST) -> Any:
-        if name in ("add", "add_auto"):
-            return Library(f"smach.{owner.kind}.{name}")
-        if name in ("execute", "async_execute"):
-            self.executed.append(owner)
-        if name in ("set_initial_state", "initial_state", "open", "close", "opened"):
-            return Bound(name, owner)
-        if name in HARMLESS_METHODS:
-            return Library(f"container.{name}")
-        message = f"{name!r} of a container is not followed"
-        self.fault(node, message, "build the machine with add and set_initial_state only")
-        return UNKNOWN
-
     # -- functions and classes --------------------------------------------------------------
 
-    def function(self, node: ast.FunctionDef, scope: Scope) -> Any:
+    def function(self, node: ast.FunctionDef | ast.AsyncFunctionDef, scope: Scope) -> Any:
         """A function where it is defined."""
-        parameters = node.args
-        made = Function(node, scope if scope.body is None else scope.body)
+        decorators = [self.value(each, scope) for each in node.decorator_list]
+        defaults = self.defaults(node.args, scope)
+        written = [e.annotation for e in ast.walk(node.args) if isinstance(e, ast.arg)]
+        self.either_of([each for each in (*written, node.returns) if each], scope)
+        made = Function(node, scope if scope.body is None else scope.body, defaults)
+        self.functions.append(made)
+        made.static = decorators == [Library("builtins.staticmethod")]
+        self._decorated([made], [] if made.static else decorators, node)
+        return UNKNOWN if decorators and not made.static else made
+
+    def defaults(self, parameters: ast.arguments, scope: Scope) -> dict[str, Any]:
+        """The values of parameters that a call leaves out, which are evaluated once."""
         names = [each.arg for each in (*parameters.posonlyargs, *parameters.args)]
         values = [self.value(each, scope) for each in parameters.defaults]
-        made.defaults = dict(zip(reversed(names), reversed(values), strict=False))
-        self.functions.append(made)
-        for each in node.decorator_list:
-            decorator = self.value(each, scope)
-            made.static = decorator == Library("builtins.staticmethod")
-            if not made.static:
-                self.later(made)
-                if not in_family(decorator) and self.open:
-                    self.fault(each, "what this decorator does is not followed", "leave it out")
-                return UNKNOWN
-        return made
+        self.elements([each for each in parameters.kw_defaults if each], scope)
+        return dict(zip(reversed(names), reversed(values), strict=False))
+
+    def _decorated(self, made: Sequence[Function], decorators: list[Any], node: ast.AST) -> None:
+        """Decorators are called at once, and may call what they decorate."""
+        for decorator in decorators:
+            for each in (*made, decorator):
+                self.later(each)
+            if not in_family(decorator) and self.open:
+                self.fault(node, "what this decorator does is not followed", "leave it out")
 
     def class_of(self, node: ast.ClassDef, scope: Scope) -> Any:
         """A class where it is defined."""
+        decorators = self.elements(node.decorator_list, scope) or []
         bases = [self.value(each, scope) for each in node.bases]
+        self.elements([each.value for each in node.keywords], scope)
         inner = Scope(scope)
         inner.body = scope
+        self.declare_names(own_nodes(node), inner)
         self.block(node.body, inner)
+        functions = [each for each in inner.names.values() if isinstance(each, Function)]
+        self._decorated(functions, decorators, node)
+        for name, each in inner.names.items():
+            if name.startswith("__") and name != "__init__":
+                self.later(each)  # Python calls it by itself
         if node.keywords or node.decorator_list or {*inner.names} & {*_OVERRIDDEN}:
             return UNKNOWN
         bases = [each for each in bases if each != Library("builtins.object")]
         made = Class(node.name, bases, inner.names)
-        for each in inner.names.values():
-            if isinstance(each, Function):
-                each.owner = made
+        for each in functions:
+            each.owner = made
         return made
+
+    def declare_names(self, nodes: Iterable[ast.AST], scope: Scope) -> None:
+        """``global`` and ``nonlocal``: wherever one stands, it holds in all of its scope."""
+        for node in nodes:
+            if isinstance(node, ast.Global | ast.Nonlocal):
+                for name in node.names:
+                    around = scope.outer if isinstance(node, ast.Nonlocal) else None
+                    while around is not None and name not in around.names:
+                        around = around.outer
+                    scope.elsewhere[name] = around or self.globals
 
     def call(
         self,
@@ -347,11 +158,13 @@ class Calls(Effects):
         inner = [*own_nodes(function.node)]
         if any(isinstance(each, ast.Yield | ast.YieldFrom | ast.Await) for each in inner):
             self.later(function)
+            self.lose([owner, *(arguments or ()), *keywords.values()], node)
             return UNKNOWN
         if self.depth >= _DEEPEST:
             self.fault(node, "these functions call each other too deeply", "write them out")
             return UNKNOWN
         scope = Scope(function.scope, function.owner)
+        self.declare_names(inner, scope)
         self._bind(function, scope, arguments, keywords, owner)
         left, self.left = self.left, False
         result = None
@@ -365,6 +178,8 @@ class Calls(Effects):
         finally:
             self.depth -= 1
             partly, self.left = self.left, left
+        if partly:
+            self.lose(result, None)
         return UNKNOWN if partly else result
 
     def _bind(
@@ -427,7 +242,8 @@ class Calls(Effects):
 
     # -- calls ------------------------------------------------------------------------------
 
-    def _called(self, node: ast.Call, scope: Scope) -> Any:
+    def called_value(self, node: ast.Call, scope: Scope) -> Any:
+        """The value of a call."""
         callee = self._inherited(node.func, scope) or self.value(node.func, scope)
         passed = self._arguments_of(node, scope)
         arguments, keywords = passed
@@ -447,7 +263,7 @@ class Calls(Effects):
         return self._unread(node, dotted(node.func), passed)
 
     def _arguments_of(self, node: ast.Call, scope: Scope) -> Arguments:
-        arguments = self._elements(node.args, scope)
+        arguments = self.elements(node.args, scope)
         keywords: dict[str, Any] = {}
         hidden = False
         for each in node.keywords:
@@ -458,6 +274,7 @@ class Calls(Effects):
                 keywords |= value
             else:
                 hidden = True
+                self.lose([value, arguments], each.value)
         return (None if hidden else arguments), keywords
 
     def _inherited(self, node: ast.expr, scope: Scope) -> Any:
@@ -467,7 +284,7 @@ class Calls(Effects):
         if dotted(node.value.func) != "super" or scope.owner is None or not scope.names:
             return None
         value = scope.owner.get(node.attr, inherited=True)
-        return self._bound(value, next(iter(scope.names.values())))
+        return self.bound(value, next(iter(scope.names.values())))
 
     def _method(self, callee: Bound, node: ast.Call, passed: Arguments) -> Any:
         """A method of a container, or of a text, a list or a dictionary; or of a base class."""
@@ -483,10 +300,9 @@ class Calls(Effects):
             return UNKNOWN
         result = None if arguments is None else method_result(owner, name, arguments, keywords)
         if result is None:
-            self.lose(owner, node)
-            for each in (*(arguments or ()), *keywords.values()):
-                self.later(each)
+            self.lose([owner, *(arguments or ()), *keywords.values()], node)
             return UNKNOWN
+        self.sources[id(result[0])] = (result[0], owner)
         return self.fresh(result[0]) if name in ("copy", "split") else result[0]
 
     def _library(self, callee: Library, node: ast.Call, passed: Arguments) -> Any:
@@ -504,6 +320,8 @@ class Calls(Effects):
         for each in (*(arguments or ()), *keywords.values()):
             if isinstance(each, Container) or root not in KEEPING:
                 self.lose(each, node)
+            elif callee.name == "copy.copy":
+                self.lose_inside(each)
             self.later(each)
         return Library(f"{callee.name}()")
 
@@ -516,9 +334,14 @@ class Calls(Effects):
             return UNKNOWN
         for each in (*arguments, *keywords.values()):
             self.later(each)
-        for each in arguments if name in ("next", "map", "filter") else ():
-            self.lose(each, node)
-        return self.fresh(function_result(name, arguments, keywords))
+        result = self.fresh(function_result(name, arguments, keywords))
+        self.sources[id(result)] = (result, *arguments)
+        for each in (*arguments, *keywords.values()) if result is UNKNOWN else ():
+            if name in _TAKING:
+                self.lose_inside(each)
+            elif name not in _LEAVING:
+                self.lose(each, node)
+        return result
 
     def _of_family(self, callee: Library, node: ast.Call, passed: Arguments) -> Any:
         """A call of SMACH or FlexBE."""
@@ -542,7 +365,7 @@ class Calls(Effects):
             self.initialised(arguments[0], kind, node, (arguments[1:], keywords))
             return None
         if kind in CONTAINERS and arguments and isinstance(arguments[0], Container):
-            method = self._of_container(arguments[0], last, node)
+            method = self.of_container(arguments[0], last, node)
             return (
                 self._method(method, node, (arguments[1:], keywords))
                 if isinstance(method, Bound)

@@ -29,7 +29,6 @@ from gpsfsm.compile.formats.outcomes import machine_from
 from gpsfsm.compile.formats.python_builders import CONTAINERS, MOST_COPIES, STATES, Container
 from gpsfsm.compile.formats.python_calls import Calls
 from gpsfsm.compile.formats.python_effects import (
-    FAMILY,
     BreakError,
     ContinueError,
     LeaveError,
@@ -37,6 +36,7 @@ from gpsfsm.compile.formats.python_effects import (
     TooMuchError,
 )
 from gpsfsm.compile.formats.python_values import (
+    FAMILY,
     UNKNOWN,
     Class,
     FailsError,
@@ -103,7 +103,7 @@ class Source(Calls):
         tops = [each for each in self.containers if id(each) not in inner and each.entries]
         run = [each for each in tops if each in self.executed]
         rows = run or tops
-        if not rows:
+        if not rows or (not run and any(not each.entries for each in self.executed)):
             return None
         top = max(rows, key=lambda each: sum(len(e.entries) for e in each.within()))
         for each in tops:
@@ -232,6 +232,7 @@ class Source(Calls):
             case ast.AnnAssign():
                 if node.value is not None:
                     self.assign(node.target, self.value(node.value, scope), scope)
+                self.perhaps(partial(self.value, node.annotation, scope), lambda: None)
             case ast.AugAssign():
                 self._augmented(node, scope)
             case ast.Return():
@@ -241,6 +242,7 @@ class Source(Calls):
             case ast.Continue():
                 raise ContinueError
             case ast.Raise():
+                self.all_of(node, scope)
                 raise RaiseError
             case ast.Pass():
                 pass
@@ -252,18 +254,14 @@ class Source(Calls):
             case ast.FunctionDef():
                 self._store(node.name, self.function(node, scope), scope)
             case ast.AsyncFunctionDef():
+                self.later(self.function(node, scope))
                 self._store(node.name, UNKNOWN, scope)
             case ast.ClassDef():
                 self._store(node.name, self.class_of(node, scope), scope)
             case ast.Import() | ast.ImportFrom():
                 self._import(node, scope)
             case ast.Global() | ast.Nonlocal():
-                for name in node.names:
-                    around = scope.outer if isinstance(node, ast.Nonlocal) else None
-                    while around is not None and name not in around.names:
-                        around = around.outer
-                    if scope is not self.globals:  # there it has no meaning
-                        scope.elsewhere[name] = around or self.globals
+                pass  # see ``declare_names``
             case ast.Delete():
                 for target in node.targets:
                     self._delete(target, scope)
@@ -303,46 +301,21 @@ class Source(Calls):
             self.block(node.body if test else node.orelse, scope)
 
     def _match(self, node: ast.Match, scope: Scope) -> None:
-        case = _case_of(self.value(node.subject, scope), node)
+        subject = self.value(node.subject, scope)
+        case = _case_of(subject, node)
         if case is not UNKNOWN:
             self.block(case.body if case else (), scope)
             return
+        self.lose(subject, node)  # names of patterns have it, too
         names = {e.name for e in ast.walk(node) if isinstance(e, ast.MatchAs | ast.MatchStar)}
         names |= {e.rest for e in ast.walk(node) if isinstance(e, ast.MatchMapping)}
         for name in sorted(each for each in names if each):
             self._store(name, UNKNOWN, scope)
+        for guard in (each.guard for each in node.cases):
+            if guard is not None:
+                self.perhaps(partial(self.value, guard, scope), lambda: None)
         cases = [partial(self.block, each.body, scope) for each in node.cases]
         self.perhaps(*cases, lambda: None)
-
-    def _combined(self, node: ast.expr, scope: Scope) -> Any:
-        match node:
-            case ast.ListComp() | ast.DictComp() | ast.SetComp() | ast.GeneratorExp():
-                inner = Scope(scope)
-                bound = {e.target.id for e in ast.walk(node) if isinstance(e, ast.NamedExpr)}
-                inner.elsewhere = {each: scope.elsewhere.get(each, scope) for each in bound}
-                simple = not bound and not any(each.is_async for each in node.generators)
-                if simple and isinstance(node, ast.ListComp | ast.DictComp):
-                    return self._comprehension(node, inner)
-                self.repeated(lambda: self._all_of(node, inner))
-                return UNKNOWN
-        return super()._combined(node, scope)
-
-    def _comprehension(self, node: ast.ListComp | ast.DictComp, inner: Scope) -> Any:
-        """``[each for each in rows if test]`` as the loop that fills a list."""
-        made = ast.Name(" made", ast.Load())
-        if isinstance(node, ast.ListComp):
-            inner.names[made.id] = self.fresh([])
-            append = ast.Attribute(made, "append", ast.Load())
-            body: ast.stmt = ast.Expr(ast.Call(append, [node.elt], []))
-        else:
-            inner.names[made.id] = self.fresh({})
-            body = ast.Assign([ast.Subscript(made, node.key, ast.Store())], node.value)
-        for each in reversed(node.generators):
-            for test in reversed(each.ifs):
-                body = ast.If(test, [body], [])
-            body = ast.For(each.target, each.iter, [body], [])
-        self.block([ast.fix_missing_locations(ast.copy_location(body, node))], inner)
-        return self.value(ast.copy_location(made, node), inner)
 
     def _while(self, node: ast.While, scope: Scope) -> None:
         def around() -> None:
@@ -387,6 +360,7 @@ class Source(Calls):
             self.block(node.body, scope)
 
         if not row(rows) or (self.branch and used_up(rows)):
+            self.lose(rows, node)
             self._unsure(around, node, scope)
             return
         try:
@@ -395,7 +369,7 @@ class Source(Calls):
                 self.assign(node.target, each, scope)
                 if self._round(node.body, scope):
                     return
-                if self.left:
+                if self.left or self.stale(rows):
                     self._unsure(around, node, scope)
                     return
         except RuntimeError as error:  # its size has changed
@@ -426,9 +400,11 @@ class Source(Calls):
     def _torn(self, node: ast.stmt, *actions: Callable[[], None]) -> None:
         """Statements, of which an exception may leave the first ones in their midst."""
         first = len(self.containers)
+        self.catching += 1
         try:
             self.perhaps(*actions, torn=True)
         finally:
+            self.catching -= 1
             executed = {id(each) for made in self.executed for each in made.within()}
             for each in self.containers[first:]:
                 if id(each) not in executed:
@@ -438,16 +414,18 @@ class Source(Calls):
         handlers = [
             each
             for each in node.handlers
-            if not isinstance(each.body[-1], ast.Raise) or _leaves(each.body)
+            if self.catching or not isinstance(each.body[-1], ast.Raise) or _leaves(each.body)
         ]
+        handlers = [] if all(map(_is_quiet, node.body)) else handlers
 
         def handle(handler: ast.ExceptHandler) -> None:
+            if handler.type is not None:
+                self.value(handler.type, scope)
             if handler.name:
                 self._store(handler.name, UNKNOWN, scope)
             self.block(handler.body, scope)
 
         body = partial(self.block, (*node.body, *node.orelse), scope)
-        handlers = [] if all(map(_is_quiet, node.body)) else handlers
         try:
             if handlers or _leaves(node.finalbody):  # which ends an exception
                 self._torn(node, body, *(partial(handle, each) for each in handlers))
@@ -498,8 +476,15 @@ class Source(Calls):
             self.assign(target, UNKNOWN, scope)
 
     def _augmented(self, node: ast.AugAssign, scope: Scope) -> None:
-        load = ast.copy_location(_loaded(node.target), node.target)
-        left, right = self.value(load, scope), self.value(node.value, scope)
+        owner, key = self._spot(node.target, scope)
+        match node.target:
+            case ast.Name(name):
+                left = self.value(ast.Name(name, ast.Load()), scope)
+            case ast.Attribute(_, name):
+                left = self.attribute(owner, name, node)
+            case _:
+                left = self.item(owner, key, node)
+        right = self.value(node.value, scope)
         in_place = isinstance(left, list | dict)
         if in_place and not self.certain(left):
             return
@@ -509,7 +494,7 @@ class Source(Calls):
         result = operated(node.op, left, iterable, in_place=in_place)
         if in_place and result is UNKNOWN:
             self.lose(left, node)
-        self.assign(node.target, result, scope)
+        self._put(node.target, (owner, key), result, scope)
 
     def assign(self, target: ast.expr, value: Any, scope: Scope) -> None:
         """A target of an assignment gets a value."""
@@ -520,16 +505,31 @@ class Source(Calls):
                 star = any(isinstance(each, ast.Starred) for each in target.elts)
                 if not fits and not star and row(value) and plain(value):
                     raise FailsError
+                if star or not fits:
+                    self.lose_inside(value)
                 for number, each in enumerate(target.elts):
                     inner = each.value if isinstance(each, ast.Starred) else each
                     self.assign(inner, UNKNOWN if star or not fits else rows[number], scope)
-            case ast.Name():
-                self._store(target.id, value, scope)
-            case ast.Attribute():
-                self.changed_attribute(self.value(target.value, scope), target.attr, value, target)
+            case _:
+                self._put(target, self._spot(target, scope), value, scope)
+
+    def _spot(self, target: ast.expr, scope: Scope) -> tuple[Any, Any]:
+        """The owner of a target, and the key of an item."""
+        match target:
+            case ast.Attribute(owner):
+                return self.value(owner, scope), None
+            case ast.Subscript(owner, key):
+                return self.value(owner, scope), self.value(key, scope)
+        return None, None
+
+    def _put(self, target: ast.expr, spot: tuple[Any, Any], value: Any, scope: Scope) -> None:
+        match target:
+            case ast.Name(name):
+                self._store(name, value, scope)
+            case ast.Attribute(_, name):
+                self.changed_attribute(spot[0], name, value, target)
             case ast.Subscript():
-                owner, key = self.value(target.value, scope), self.value(target.slice, scope)
-                self.changed_item(owner, key, target, value)
+                self.changed_item(*spot, target, value)
 
 
 def _leaves(body: Sequence[ast.stmt]) -> bool:
@@ -562,18 +562,6 @@ def _case_of(subject: Any, node: ast.Match) -> Any:
             case _:
                 return UNKNOWN
     return None
-
-
-def _loaded(target: ast.expr) -> ast.expr:
-    """A target as an expression that is read."""
-    match target:
-        case ast.Name():
-            return ast.Name(target.id, ast.Load())
-        case ast.Attribute():
-            return ast.Attribute(target.value, target.attr, ast.Load())
-        case ast.Subscript():
-            return ast.Subscript(target.value, target.slice, ast.Load())
-    return target
 
 
 def _read(text: str, file: str, _limits: Limits, *, what: str) -> ReadMachine:

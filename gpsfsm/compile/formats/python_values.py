@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 LONGEST: Final = 1_000
 _MOST: Final = 1_000_000
@@ -41,11 +41,16 @@ class Library:
 
 
 class Scope:
-    """The names of a module, a function or a class, and the scope around it."""
+    """The names of a module, a function or a class, and the scope around it.
 
-    def __init__(self, outer: Scope | None = None, owner: Class | None = None) -> None:
+    ``passing``: it is that of a comprehension, in which ``:=`` assigns to a name of the one around.
+    """
+
+    def __init__(
+        self, outer: Scope | None = None, owner: Class | None = None, *, passing: bool = False
+    ) -> None:
         self.names: dict[str, Any] = {}
-        self.outer, self.owner = outer, owner
+        self.outer, self.owner, self.passing = outer, owner, passing
         self.elsewhere: dict[str, Scope] = {}  # of global and nonlocal
         self.body: Scope | None = None  # of a class: the scope that its methods see
 
@@ -61,7 +66,7 @@ class Scope:
 class Function:
     """A function of the file; ``defaults`` are evaluated once, where it is defined."""
 
-    node: ast.FunctionDef | ast.Lambda
+    node: ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
     scope: Scope
     defaults: dict[str, Any] = field(default_factory=dict)
     owner: Class | None = None
@@ -197,6 +202,15 @@ def operated(kind: ast.operator, left: Any, right: Any, *, in_place: bool = Fals
         raise FailsError from error
 
 
+def negated(kind: ast.unaryop, value: Any) -> Any:
+    """The result of an operator with one operand."""
+    if isinstance(kind, ast.Not):
+        test = truth(value)
+        return test if test is UNKNOWN else not test
+    negative = isinstance(kind, ast.USub) and isinstance(value, int | float)
+    return -value if negative else UNKNOWN
+
+
 def compared(kind: ast.cmpop, left: Any, right: Any) -> Any:
     """The result of a comparison; UNKNOWN for all but plain values."""
     right = list(right) if isinstance(right, dict) else right
@@ -211,7 +225,13 @@ def compared(kind: ast.cmpop, left: Any, right: Any) -> Any:
 
 _ROWS: Final[tuple[type[Any], ...]] = (list, tuple, dict, str, range)
 _NONE: Final[dict[str, str]] = {}
-_ITERATORS: Final[tuple[type[Any], ...]] = (enumerate, zip, reversed, type(iter(list(_NONE))))
+_ITERATORS: Final[tuple[type[Any], ...]] = (
+    *(enumerate, zip, reversed, type(iter(list(_NONE)))),
+    *(
+        type(reversed(each))
+        for each in (list(_NONE), _NONE, _NONE.values(), _NONE.items(), range(0))
+    ),
+)
 _VIEWS: Final[tuple[type[Any], ...]] = tuple(
     type(each) for each in (_NONE.keys(), _NONE.values(), _NONE.items())
 )
@@ -287,3 +307,61 @@ def imports(text: str, word: str) -> bool:
     (False, True)
     """
     return re.search(rf"(?im)(?:^|\r)[ \t]*+(?:from|import)\b.*{word}", text) is not None
+
+
+FAMILY = ("smach", "smach_ros", "flexbe_core")
+KEEPING = frozenset({"rospy", "copy", "math", "time", "logging", "json", "container", "smach_ros"})
+"""Modules of these that leave alone what they are handed."""
+_SCOPES = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda, ast.ClassDef)
+
+
+def same(left: Any, right: Any) -> bool:
+    """True if two values are certainly one."""
+    simple = type(left) is type(right) and isinstance(left, str | int | float | Library)
+    return left is right or (simple and bool(left == right))
+
+
+def stores(node: ast.Name) -> bool:
+    """True for a name that is assigned or deleted."""
+    return isinstance(node.ctx, ast.Store | ast.Del)
+
+
+def in_family(value: Any) -> bool:
+    """True for a name of SMACH or FlexBE."""
+    return isinstance(value, Library) and value.name.partition(".")[0] in FAMILY
+
+
+def changed_by(node: ast.AST) -> Iterable[ast.Name | ast.Attribute]:
+    """Names and attributes that a node may change in place, or assign."""
+    changed: list[ast.AST] = []
+    if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store | ast.Del):
+        changed = [node]
+    elif isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store | ast.Del):
+        changed = [node.value]
+    elif isinstance(node, ast.Call):
+        function = node.func
+        if isinstance(function, ast.Attribute) and function.attr in CHANGING:
+            changed = [function.value]
+        if dotted(function).partition(".")[0] not in (*KEEPING, *FAMILY, "print", "str", "len"):
+            changed += [*node.args, *(each.value for each in node.keywords)]
+    return [each for each in changed if isinstance(each, ast.Name | ast.Attribute)]
+
+
+def own_nodes(node: ast.AST) -> Iterable[ast.AST]:
+    """The nodes in a function or a class, without those in functions and classes of its own."""
+    for child in ast.iter_child_nodes(node):
+        yield child
+        if not isinstance(child, _SCOPES):
+            yield from own_nodes(child)
+
+
+def mentioned(function: Function, node: ast.AST) -> Any:
+    """A value of a name, or a method of the class, that a function mentions."""
+    if isinstance(node, ast.withitem):
+        node = node.context_expr
+    value: Any = None
+    if isinstance(node, ast.Name):
+        value = (function.scope.get(node.id) or (None,))[0]
+    elif isinstance(node, ast.Attribute) and function.owner is not None:
+        value = function.owner.get(node.attr)
+    return value

@@ -1,14 +1,25 @@
-"""Foreign elements, attributes and keys, inserted at a random place of a valid input."""
+"""Foreign elements, attributes and keys, inserted at a random place of a valid machine or graph.
+
+The file is refused, or more is said of it than before: nothing here needs no word.
+"""
 
 from __future__ import annotations
 
 import json
 import re
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from gpsfsm.compile.machine_files import automaton_to_graphml
+from gpsfsm.compile.plan_text import read_plan_or_machine
+from gpsfsm.compile.units import MachinePlan
 
 if TYPE_CHECKING:
     from random import Random
 
+ROOT = Path(__file__).parents[3]
+CASES = Path(__file__).parent / "cases"
 _TAG = re.compile(r"<([\w:]+)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*?)(/?)>")
 _NAMES = (
     "paramters",
@@ -26,6 +37,44 @@ _NAMES = (
     "weights",
     "if",
 )
+
+
+@cache
+def machines() -> tuple[str, ...]:
+    """Machines of YASMIN, graphs of LangGraph, and a machine as JSON and as GraphML."""
+    door = (ROOT / "docs" / "examples" / "door.json").read_text()
+    plan = read_plan_or_machine(door, file="x").plan
+    assert plan is not None
+    files = [
+        ROOT / "corpus" / "machines" / "delivery.yasmin.xml",
+        *(CASES / f"yasmin_{name}.xml" for name in ("orthogonal", "implicit_outcome")),
+        *sorted(CASES.glob("langgraph_*.json")),
+    ]
+    return (*(file.read_text() for file in files), door, automaton_to_graphml(plan.automaton))
+
+
+def changed(chance: Random) -> tuple[str, str]:
+    """A machine, and the same with something that its format does not have."""
+    text = chance.choice(machines())
+    return text, inserted(text, chance)
+
+
+@cache
+def _said(text: str) -> int:
+    plan = read_plan_or_machine(text, file="x").plan
+    assert isinstance(plan, MachinePlan)
+    return len(plan.approximations)
+
+
+def judged(before: str, after: str) -> str:
+    """What became of it: ``refused`` or ``told``."""
+    parsed = read_plan_or_machine(after, file="x")
+    assert (parsed.plan is None) == bool(parsed.problems)
+    if parsed.plan is None:
+        return "refused"
+    assert isinstance(parsed.plan, MachinePlan)
+    assert len(parsed.plan.approximations) > _said(before), after
+    return "told"
 
 
 def inserted(text: str, chance: Random) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
 import signal
 import sys
 from types import ModuleType, SimpleNamespace
@@ -136,6 +137,8 @@ class StateMachine(State):
         self._initial = labels[0]
 
     def execute(self, *_: Any) -> str:
+        if not self._states:
+            raise ValueError(self)
         WORLD.executed.append(self)
         return "succeeded"
 
@@ -191,6 +194,7 @@ class Concurrence(StateMachine):
     def __init__(self, outcomes: Any, default_outcome: Any, outcome_map: Any = None) -> None:
         super().__init__(outcomes)
         self._map = {} if outcome_map is None else outcome_map
+        self._default = default_outcome
         if default_outcome not in outcomes or not all(each in outcomes for each in self._map):
             raise ValueError(default_outcome)
 
@@ -212,7 +216,7 @@ class OperatableStateMachine(StateMachine):
 class ConcurrencyContainer(OperatableStateMachine):
     def __init__(self, outcomes: Any = (), conditions: Any = ()) -> None:
         super().__init__(outcomes)
-        self._map = {str(number): dict(row[1]) for number, row in enumerate(conditions)}
+        self._rows = [[row[0], dict(row[1])] for row in conditions]
 
 
 class Behavior:
@@ -221,16 +225,23 @@ class Behavior:
 
 
 def shown(made: Any, depth: int = 0) -> Any:
-    """A container as JSON: initial state, outcomes, states with the transitions that are set."""
+    """A container as JSON: initial state, outcomes, states with the transitions that are set.
+
+    Of a concurrence also its rules, and its default outcome.
+    """
     states = []
     for label, state in made._states.items() if depth < 9 else ():
         inner = shown(state, depth + 1) if isinstance(state, StateMachine) else None
         rows = {key: to for key, to in made._transitions[label].items() if to}
+        if not all(isinstance(each, str) for each in (*rows, *rows.values())):
+            raise ValueError(rows)
         if made.flexbe:
             rows.pop("preempted")
         states.append([label, rows, sorted(state.get_registered_outcomes()), inner])
     rules = [[key, dict(each)] for key, each in getattr(made, "_map", {}).items()]
-    return [made._initial, sorted(made.get_registered_outcomes()), states, rules]
+    rules = getattr(made, "_rows", rules)
+    default = getattr(made, "_default", "")
+    return [made._initial, sorted(made.get_registered_outcomes()), states, [rules, default]]
 
 
 def modules(world: World) -> dict[str, ModuleType]:
@@ -283,7 +294,7 @@ def built(program: str, number: int) -> Any:
                     top = [each().create()]
         inner = [state for each in WORLD.made for state in each._states.values()]
         tops = top or [each for each in WORLD.made if each not in inner and each._states]
-        return shown(tops[-1]) if tops else None
+        return shown(tops[-1]) if tops and tops[-1]._states else None
     except BaseException:
         return None
     finally:
@@ -293,7 +304,8 @@ def built(program: str, number: int) -> Any:
 
 
 if __name__ == "__main__":
-    for line in sys.stdin:
+    sys.unraisablehook = lambda _: None
+    for line in os.fdopen(os.dup(0)):  # quit() closes the other
         rows = [built(json.loads(line), number) for number in range(3)]
         sys.stdout.write(json.dumps(rows) + "\n")
         sys.stdout.flush()

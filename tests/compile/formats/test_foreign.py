@@ -1,61 +1,45 @@
-"""Nothing is dropped in silence: foreign elements, attributes and keys are reported or refused."""
+"""Nothing is dropped in silence: what is foreign in an input is told, refused or taken over."""
 
 from __future__ import annotations
 
 import random
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from gpsfsm.compile.machine_files import automaton_to_graphml
-from gpsfsm.compile.plan_text import read_plan_or_machine
-from gpsfsm.compile.units import MachinePlan
+import gpsfsm
+from tests.campaigns.pairs.foreign import PAIRS
 from tests.cases import many
-from tests.compile.formats.foreign import inserted
+from tests.compile.formats.foreign import inserted, judged, machines
 
 if TYPE_CHECKING:
-    from gpsfsm.syntax import Parsed
-
-ROOT = Path(__file__).parents[3]
-CASES = Path(__file__).parent / "cases"
-DOOR = (ROOT / "docs" / "examples" / "door.json").read_text()
+    from tests.campaigns.base import Pair
 
 
-def read(text: str) -> Parsed:
-    return read_plan_or_machine(text, file="x")
+@pytest.mark.parametrize("text", machines(), ids=range(len(machines())))
+def test_what_is_foreign_in_a_machine_is_told_or_refused(text: str) -> None:
+    for seed in range(many(60)):
+        judged(text, inserted(text, random.Random(seed)))  # noqa: S311
 
 
-def said(parsed: Parsed) -> int:
-    assert isinstance(parsed.plan, MachinePlan)
-    return len(parsed.plan.approximations)
-
-
-def door_graphml() -> str:
-    plan = read(DOOR).plan
-    assert plan is not None
-    return automaton_to_graphml(plan.automaton)
+@pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair.name)
+def test_what_is_foreign_is_told_refused_or_taken_over(pair: Pair) -> None:
+    """The first of 10,000; ``python -m tests.campaigns`` plays the others."""
+    for seed in range(many(80)):
+        assert list(pair.judge(seed)), pair.text(seed)
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("inside", "rule"),
     [
-        (ROOT / "corpus" / "machines" / "delivery.yasmin.xml").read_text(),
-        *(
-            (CASES / f"yasmin_{name}.xml").read_text()
-            for name in ("orthogonal", "implicit_outcome")
-        ),
-        *(path.read_text() for path in sorted(CASES.glob("langgraph_*.json"))),
-        DOOR,
-        door_graphml(),
+        ("<Inverter><IsBatteryLow><Go/></IsBatteryLow></Inverter>", "GP805"),
+        ('<SetBlackboard name="x"/>', "GP816"),  # it throws
+        ("<RateController foo='1'><Go/></RateController>", "GP119"),
+        ("<Go/>text", "GP119"),
     ],
-    ids=["delivery", "orthogonal", "implicit", "fanout", "untyped", "json", "graphml"],
 )
-def test_what_is_foreign_is_reported_or_refused(text: str) -> None:
-    before = read(text)
-    assert before.plan is not None
-    for seed in range(many(60)):
-        changed = inserted(text, random.Random(seed))  # noqa: S311
-        after = read(changed)
-        assert after.problems or said(after) > said(before), changed
-        assert (after.plan is None) == bool(after.problems)
+def test_what_the_campaigns_have_found_in_trees(inside: str, rule: str) -> None:
+    tree = f"<ReactiveSequence><Ok/>{inside}</ReactiveSequence>"
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="A">{tree}</BehaviorTree></root>'
+    (report,) = gpsfsm.check(text).plans
+    assert rule in {each.rule for each in report.findings}
