@@ -265,6 +265,7 @@ class RealtimeDriver(Adopting):
         await self._wait_until(lambda: not self._acting, self._grace_s)
         for acting in self._acting.values():
             assert acting.action is not None
+            self.doubts += [each for each in (self._doubt_of(acting),) if each]
             acting.action.cut_off()
         self._acting.clear()
         self._residents.release_all()
@@ -424,6 +425,12 @@ class RealtimeDriver(Adopting):
             if not cut_off:
                 self._end_in_doubt(acting, clean(str(error)))
             return
+        if not cut_off and (doubt := self._doubt_of(acting)):  # it has left something outside
+            if self._is_waited_for(acting, doubt):
+                self._later(_LOOK_S, lambda: self._answered(acting, value, error))
+            else:
+                self._end_in_doubt(acting, doubt)
+            return
         if isinstance(error, StopRequested) and (acting.stopping or cut_off):
             happened = Input(Kind.STOPPED, acting.number, message="stopped")
         elif error is None:
@@ -462,7 +469,7 @@ class RealtimeDriver(Adopting):
     def _cut_off(self, acting: _Acting) -> None:
         if self._acting.get(acting.number) is not acting:
             return
-        doubt = clean(acting.context.doubt())
+        doubt = self._doubt_of(acting)
         if doubt and self._is_waited_for(acting, doubt):
             self._later(_LOOK_S, lambda: self._cut_off(acting))
             return
@@ -474,6 +481,14 @@ class RealtimeDriver(Adopting):
             return
         message = "did not stop and was cut off"
         self._leave(acting, Input(Kind.STOPPED, acting.number, message=message))
+
+    @staticmethod
+    def _doubt_of(acting: _Acting) -> str:
+        """Words for what an instance may still do outside; "" for nothing."""
+        try:
+            return clean(acting.context.doubt())
+        except Exception as error:  # of a runner's own making
+            return said(error)
 
     def _is_waited_for(self, acting: _Acting, doubt: str) -> bool:
         """True if an instance that may still act outside has some time left; it is said once."""

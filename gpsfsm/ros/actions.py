@@ -22,7 +22,7 @@ import asyncio
 import time
 import uuid
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import InDoubtError
@@ -72,7 +72,7 @@ class Action:
     """One action of the robot: its client, its status topic, and our goals there.
 
     To be made in the thread of the node. ``client`` is an ActionClient of rclpy, ``kind`` its
-    definition; ``resources`` are what its goals use.
+    definition; ``resources`` are what its goals use besides itself, None if nothing is exclusive.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Action:
         kind: Any,
         call: RosCall,
         *,
-        resources: frozenset[str] = frozenset(),
+        resources: frozenset[str] | None = frozenset(),
         ledger: Ledger = OURS,
         doubt_s: float = 30.0,
     ) -> None:
@@ -91,7 +91,7 @@ class Action:
 
         self.node, self.client, self.kind, self.call = node, client, kind, call
         self.name = node.name(call.name)
-        self.resources = resources | {self.name}
+        self.resources = frozenset() if resources is None else resources | {self.name}
         self.ledger, self.doubt_s = ledger, doubt_s
         self._goals: dict[str, Goal] = {}
         self._topic = f"{self.name}/_action/status"
@@ -119,9 +119,10 @@ class Action:
         if any(map(self.ledger.may_act, self._goals)):
             self.keep_cancelling()
         else:
-            self._destroy()
+            self.destroy()
 
-    def _destroy(self) -> None:
+    def destroy(self) -> None:
+        """Let go of it at once; in the thread of the node."""
         self.node.handle.destroy_timer(self._timer)
         self.node.handle.destroy_subscription(self._status)
         self.client.destroy()
@@ -144,7 +145,7 @@ class Action:
         if not unwanted:
             self._timer.cancel()
             if self._closing:
-                self._destroy()
+                self.destroy()
 
     def _take_status(self, message: Any) -> None:
         for each in message.status_list:
@@ -176,9 +177,11 @@ class Goal:
         self._result: Any = None  # the response with status and result
         self._servers: frozenset[bytes] = frozenset()
         self._attempt = self._answered = 0
+        self._is_forgotten = False
         self._refused = False
         self._heard = self._fed = time.monotonic()
-        self._silent_since = 0.0
+        self._silent_since = self._cancelled = 0.0
+        self._is_answered = True
         self._loop = asyncio.get_running_loop()
         self._news = asyncio.Event()
 
@@ -192,10 +195,11 @@ class Goal:
         """Words for people about what it may still do; "" for nothing."""
         return self.entry.words if self._may_act() else ""
 
-    def _begin(self) -> None:
+    def _begin(self, state: GoalState = GoalState.NOT_SENT) -> None:
         who, resources = f"the action {self._call.name}", self._action.resources
         may_repeat = self._call.on_resume is OnResume.CONTINUE
-        self._ledger.begin(Entry(self.name, who, resources, may_repeat=may_repeat))
+        entry = Entry(self.name, who, resources, may_repeat=may_repeat, state=state)
+        self._ledger.begin(replace(entry, accepted=entry.may_act))
         self._action.enter(self)
 
     # -- what it is told, in the thread of the node ----------------------------------------------
@@ -215,6 +219,8 @@ class Goal:
 
     def take_status(self, status: int) -> None:
         """Take in what the status topic says; after a second attempt it may be of the first."""
+        if not self._may_act():
+            return
         if self._attempt > 1:
             self._take(Said.ALIVE)
             self._ask_result()
@@ -229,9 +235,13 @@ class Goal:
         self._servers = self._action.servers()
         self._attempt += 1
         self._refused = False
-        sent = self._action.client.send_goal_async(
-            self._message, feedback_callback=self._on_feedback, goal_uuid=self._handle.goal_id
-        )
+        try:
+            sent = self._action.client.send_goal_async(
+                self._message, feedback_callback=self._on_feedback, goal_uuid=self._handle.goal_id
+            )
+        except BaseException:  # it cannot be written as a message
+            self._take(Said.ENDED, NEVER)
+            raise
         attempt = self._attempt
         sent.add_done_callback(lambda answered: self._on_answer(answered, attempt))
 
@@ -252,6 +262,12 @@ class Goal:
         if self.entry.state is not GoalState.ACCEPTED:
             self._take(Said.ACCEPTED)
         self._feedback(message.feedback)
+
+    def _keep_feedback(self) -> None:
+        """Go on listening: rclpy stops with any answer to a request for the result."""
+        listening = getattr(self._action.client, "_feedback_callbacks", None)
+        if self._may_act() and listening is not None:
+            listening[self._id.bytes] = self._on_feedback
 
     def _question(self) -> _Question:
         in_new = bool(self._servers and self._action.servers() - self._servers)
@@ -275,9 +291,14 @@ class Goal:
 
     def ask_cancel(self) -> None:
         """Ask for it to be cancelled; in the thread of the node."""
+        now = time.monotonic()
+        if now - self._cancelled < _ASK_S and not self._is_answered:
+            return  # the last request is on its way
+        self._cancelled, self._is_answered = now, False
         question = self._question()
 
         def answered(future: Any) -> None:
+            self._is_answered = True
             if future.result().return_code == _UNKNOWN_GOAL:
                 self._absent(question)
                 return
@@ -289,6 +310,8 @@ class Goal:
 
     def _absent(self, question: _Question) -> None:
         """A server does not know the goal."""
+        self._is_forgotten = not self._may_act()
+        self._keep_feedback()
         said, how = Said.ALIVE, ""
         if question.attempt == self._attempt:
             if question.in_new:
@@ -322,12 +345,16 @@ class Goal:
         await self._ask(self._begin)
         self._message = message
         await self._until_free()
+        await self._until_seen()
         await self._ask(self._send)
+        began = time.monotonic()
         patience = min(max(2 * self._call.probe_s, 2.0), _ACCEPT_S)
         while (entry := self.entry).may_act and not entry.accepted:
             if await self._news_within(min(patience, _LOOK_S)) and not self._refused:
                 continue
             await self._ask(self._look)
+            if time.monotonic() - began > self._action.doubt_s and self._may_act():
+                raise InDoubtError(self.entry.words)
             quiet = time.monotonic() - self._heard
             if self._refused or (quiet >= patience and await self._is_alive()):
                 await self._ask(self._ask_result)
@@ -337,6 +364,14 @@ class Goal:
         if entry.state is GoalState.NOT_SENT:  # a new server is there, and has never had it
             return await self.send(message)
         return entry.how != "rejected"
+
+    async def _until_seen(self) -> None:
+        """Wait for the status topic of the server, by which another one is told from it."""
+        end = time.monotonic() + self._call.wait_s
+        while not await asyncio.wrap_future(self._node.call(self._action.servers)):
+            if time.monotonic() > end:
+                raise GoneError("its server has gone, and the goal was not sent")
+            await asyncio.sleep(0.02)
 
     async def _until_free(self) -> None:
         end = time.monotonic() + self._action.doubt_s
@@ -383,10 +418,13 @@ class Goal:
     async def _ending(self) -> tuple[int, Any]:
         """The result of a goal that has ended."""
         how = self.entry.how
-        end = time.monotonic() + _ASK_S
+        pause, end = _SOON_S, time.monotonic() + self._action.doubt_s
         while self._result is None and how in _ENDS.values() and time.monotonic() < end:
-            if not await self._news_within(_SOON_S):  # the status topic was quicker
+            if self._is_forgotten:
+                break
+            if not await self._news_within(pause):  # the status topic was quicker
                 await self._ask(self._ask_result)
+                pause = self._call.probe_s
         if self._result is not None:
             return int(self._result.status), self._result.result
         if how in _ENDS.values():
@@ -410,6 +448,11 @@ class Goal:
                 self._ledger.take(self.name, Said.SILENT)
         return self.doubt
 
+    def abandon(self) -> None:
+        """Go on cancelling it without anybody who waits for its end."""
+        if self.withdraw():
+            self._node.call(self._begin_to_cancel)
+
     def withdraw(self) -> str:
         """Send it no more; what it may still do if it has been sent, "" for nothing."""
         if self._message is not None:
@@ -422,13 +465,7 @@ class Goal:
 
     async def cancel_left(self, within_s: float) -> str:
         """The same for a goal that a process which has ended may have sent."""
-
-        def begin() -> None:
-            self._begin()
-            self._ledger.take(self.name, Said.SENT)
-            self._ledger.take(self.name, Said.ACCEPTED)  # it may have been
-
-        await self._ask(begin)
+        await self._ask(lambda: self._begin(GoalState.ACCEPTED))  # it may have been
         return await self.cancel(within_s)
 
     async def _is_alive(self) -> bool:
@@ -437,13 +474,15 @@ class Goal:
         After three tries without one, what the goal does is unknown.
         """
         began = time.monotonic()
-        self._silent_since = self._silent_since or began
+        since = self._silent_since = self._silent_since or began
         nobody = self._handle_of(uuid.uuid4())
         answer: Answer[Any] = Answer(self._node, nobody.cancel_goal_async)
         try:
             await answer.within(self._call.probe_s)
         except TimeoutError:
-            silent_s = time.monotonic() - self._silent_since
+            if self._heard > began:  # it has said something else meanwhile
+                return True
+            silent_s = time.monotonic() - since
             if silent_s >= (_TRIES - 0.5) * self._call.probe_s:
                 self._ledger.take(self.name, Said.SILENT)
             if silent_s >= self._action.doubt_s and self.entry.may_act:

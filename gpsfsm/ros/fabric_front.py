@@ -20,7 +20,7 @@ from gpsfsm.errors import GpsfsmError
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import RosCall, RosKind
 from gpsfsm.ros import fabric as names
-from gpsfsm.ros.actions import SUCCEEDED, Action
+from gpsfsm.ros.actions import SUCCEEDED, Action, Goal
 from gpsfsm.ros.fabric import Fabric, servers_of
 from gpsfsm.ros.ledger import Ledger
 from gpsfsm.ros.messages import definition
@@ -40,7 +40,7 @@ THREADS = DECIDING + PASSING * len(_PASSED) + GENERATING + 2
 _SETTLE_S = 1.0
 """For the graph to show who offers the public names."""
 _GENERATE_S = 900.0
-_PROBE_S = 60.0
+_PROBE_S, _CANCEL_S = 60.0, 4.0
 _LONGEST = 8_000
 """Letters of an error in an answer."""
 
@@ -246,7 +246,14 @@ class FabricFront:
             callback_group=group,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
-        self._action = (client, server)
+        call = RosCall(RosKind.ACTION, name=path, probe_s=_PROBE_S)
+        own = Action(
+            *(self._node, client, kind, call),
+            resources=None,  # it moves nothing, and several may generate at once
+            ledger=Ledger(),
+            doubt_s=_GENERATE_S,
+        )
+        self._action = (own, server)
 
     def _generate(self, handle: Any) -> Any:
         """Let the server generate a plan but not queue it; that is done here, once it is gated."""
@@ -281,13 +288,8 @@ class FabricFront:
             setattr(goal, name, getattr(handle.request, name))
         goal.auto_queue = False
         # a model is slow, and the server may serve nothing else meanwhile
-        call = RosCall(RosKind.ACTION, name=self._release.generates, probe_s=_PROBE_S)
         key = bytes(handle.goal_id.uuid).hex()
-        action = await asyncio.to_thread(
-            self._node.do,
-            lambda: Action(self._node, self._action[0], kind, call, ledger=Ledger()),  # no robot's
-        )
-        sent = action.goal(key, handle.publish_feedback)
+        sent: Goal = self._action[0].goal(key, handle.publish_feedback)
         if not await sent.send(goal):
             raise RosError("the Fabric server has rejected the goal")
         task = asyncio.ensure_future(sent.result())
@@ -295,7 +297,7 @@ class FabricFront:
         while not task.done():
             await asyncio.wait([task], timeout=0.1)
             if handle.is_cancel_requested or time.monotonic() > end:
-                await sent.cancel()
+                await sent.cancel(_CANCEL_S)
                 task.cancel()
                 raise RosError("the generation of a plan was cancelled")
         return task.result()

@@ -158,7 +158,8 @@ class Ledger:
             if before is None or not before.may_act:
                 self._entries.pop(entry.goal, None)
                 self._entries[entry.goal] = entry
-            ended = [each.goal for each in self._entries.values() if not each.may_act]
+            over = GoalState.ENDED
+            ended = [each.goal for each in self._entries.values() if each.state is over]
             for goal in ended[:-_MOST_ENDED]:
                 del self._entries[goal]
 

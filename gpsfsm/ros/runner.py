@@ -140,12 +140,16 @@ class RosRunner(Runner):
 
         self._kind = kind
         action = await asyncio.to_thread(node.do, opened)
-        await appeared(
-            node,
-            action.client.server_is_ready,
-            lambda: absence(node, "action", call.name, name, call.wait_s),
-            call.wait_s,
-        )
+        try:
+            await appeared(
+                node,
+                action.client.server_is_ready,
+                lambda: absence(node, "action", call.name, name, call.wait_s),
+                call.wait_s,
+            )
+        except BaseException:
+            await asyncio.to_thread(node.do, action.close)
+            raise
         return action
 
     async def stop(self) -> None:
@@ -197,9 +201,13 @@ class RosRunner(Runner):
             if not await goal.send(message):
                 raise RunnerError(f"{self._who} has rejected the goal")
             status, result = await goal.result()
-        finally:  # no step ends as long as its goal may act
+        except InDoubtError:
+            goal.abandon()
+            raise
+        except BaseException:  # no step ends as long as its goal may act
             if goal.withdraw() and (doubt := await goal.cancel(self._client.doubt_s)):
-                raise InDoubtError(doubt)
+                raise InDoubtError(doubt) from None
+            raise
         if status != SUCCEEDED:
             word = "canceled" if status == CANCELED else "aborted"
             raise RunnerError(f"{self._who} was {word}{_reason(self._call, result)}")
@@ -213,16 +221,15 @@ class RosRunner(Runner):
         values = _filled(self._call.request, parameters)
         entry = Entry(goal_id(context.key).hex, self._who, self._resources, is_request=True)
         OURS.begin(entry)
-        said = Said.SILENT
         try:
             response = await self._client.ask(
                 *(values, 0, self._call.optional),
-                lambda: OURS.take(entry.goal, Said.SENT).may_act,
+                may_send=lambda: OURS.take(entry.goal, Said.SENT).may_act,
+                answered=lambda: OURS.take(entry.goal, Said.ENDED),
             )
-            said = Said.ENDED
         finally:  # it cannot be withdrawn: without an answer nobody knows what it does
             OURS.cancel(entry.goal)
-            OURS.take(entry.goal, said)
+            OURS.take(entry.goal, Said.SILENT)
         return self._outcome(response, parameters)
 
     async def _listen(

@@ -147,10 +147,12 @@ class Service:
         within_s: float,
         optional: Collection[str] = frozenset(),
         may_send: Callable[[], bool] = lambda: True,
+        answered: Callable[[], object] | None = None,
     ) -> Any:
         """The response to a request whose fields have these values; 0 s: however long it takes.
 
-        ``may_send`` has the last word, in the thread of the node.
+        In the thread of the node ``may_send`` has the last word, and ``answered`` is called with
+        the response, also if nobody waits for it any more.
         Raises TimeoutError, and RosError for fields that the definition does not have.
         """
         request = self._kind.Request()
@@ -161,6 +163,8 @@ class Service:
             if not may_send():
                 raise RosError("it was not asked, since the robot is being stopped")
             futures.append(self._client.call_async(request))
+            if answered is not None:
+                futures[0].add_done_callback(lambda _: answered())
             return futures[0]
 
         answer: Answer[Any] = Answer(self._node, send)
@@ -168,7 +172,7 @@ class Service:
             async with asyncio.timeout(within_s or None):
                 return await self._awaited(answer)
         finally:
-            if not answer.done and futures:
+            if not answer.done and futures and answered is None:
                 self._node.call(lambda: self._client.remove_pending_request(futures[0]))
 
     async def _awaited(self, answer: Answer[Any]) -> Any:

@@ -254,9 +254,16 @@ class LiveRun:
                     await driver.run()
                 finally:
                     ticker.cancel()
+                    if doubts := dict.fromkeys((*driver.doubts, *_left())):
+                        self._in_doubt([*doubts])
             observer.ended()
-            if driver.doubts:
-                self._in_doubt(driver.doubts)
+
+
+def _left() -> list[str]:
+    """Words for what may still use a resource of the robot, whoever waits for it."""
+    from gpsfsm.ros.ledger import OURS
+
+    return [each.words for each in OURS.open() if each.resources]
 
 
 async def _ticking(driver: RealtimeDriver, observer: RunObserver) -> None:

@@ -215,6 +215,12 @@ class RealQueue(StderrObserver):
         """Let the service know."""
         self.send({"note": row.kind.value})
 
+    def in_doubt(self, doubts: Sequence[str]) -> None:
+        """A run has ended although something may still act: nothing begins before a release."""
+        super().in_doubt(doubts)
+        self.queue.held = ""
+        self.queue.hold(f"in doubt: {doubts[0]}")
+
     def run_begins(self, run: Run) -> RunObserver:
         """Watch a run."""
         assert run.state is not None

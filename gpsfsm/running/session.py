@@ -412,10 +412,10 @@ class Session:
 
     def _doubted(self, doubts: Sequence[str]) -> None:
         """Something may still act on the robot: no other plan begins."""
-        self._observer.in_doubt(doubts)
-        if hasattr(self, "queue"):
-            self.queue.hold(f"in doubt: {doubts[0]}", renew=True)
+        if hasattr(self, "queue"):  # who serves writes it down; a command ends, and is resumed
+            self.queue.held = self.queue.held or f"in doubt: {doubts[0]}"
             self.queue.continuing.stop()
+        self._observer.in_doubt(doubts)
 
     def _maker_of(self, prepared: Prepared, plan: int = 0) -> Maker:
         """The maker of the real runners of a plan. Raises GpsfsmError.

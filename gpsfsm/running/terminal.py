@@ -132,14 +132,15 @@ class Terminal(StderrObserver):
 
     def not_submitted(self, _names: Sequence[str]) -> None:
         """An interruption came before these plans were submitted."""
-        self.codes[0] = 130
+        self.codes[0] = worst((130, self.codes.get(0, 0)))
 
     def not_begun(self, plans: int, *, resumable: bool) -> None:
-        """The bond is lost, so some plans have not begun."""
+        """The bond is lost or a goal may still act, so some plans have not begun."""
+        why = "a goal may still act" if self.codes.get(0) == IN_DOUBT else "the bond is lost"
         self.codes[0] = worst((1, self.codes.get(0, 0)))
         what = "1 plan has" if plans == 1 else f"{plans} plans have"
         complain(
-            f"the bond is lost, so {what} not begun",
+            f"{why}, so {what} not begun",
             hint="'gpsfsm resume' runs what is left in the journal" if resumable else "",
         )
 

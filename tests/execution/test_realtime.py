@@ -194,6 +194,22 @@ def test_one_that_may_still_act_outside_is_waited_for() -> None:
     assert any("may still begin" in line for _, _, line in driver.logs)
 
 
+def test_one_that_has_ended_and_left_something_outside_is_waited_for() -> None:
+    begun, outside = threading.Event(), ["the goal may still begin"]
+
+    async def drives(context: RunContext) -> None:
+        context.doubt = lambda: "".join(outside)
+        begun.set()
+        threading.Timer(0.5, outside.clear).start()
+        await context.sleep(WAIT_S)  # it is stopped, and cleans nothing up
+
+    sink, driver = play(guarded("A", "B"), Diary(A=drives, B=fine), timeout_s=0.1, grace_s=5)
+    assert driver.kernel.status is Status.COMPLETED
+    ended = next(at for at, happened, _ in sink.rows if happened.kind is Kind.STOPPED)
+    assert ended >= 450_000, "no step ends as long as its goal may act"
+    assert not driver.doubts
+
+
 async def never_ends(context: RunContext) -> None:
     context.doubt = lambda: "the goal may still begin"
     while True:
