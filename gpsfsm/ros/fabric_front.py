@@ -237,7 +237,8 @@ class FabricFront:
         node, group = self._node.handle, ReentrantCallbackGroup()
         kind = definition(names.GENERATE)
         path = self._release.generates
-        client = ActionClient(node, kind, f"{self._private.root}/{path}", callback_group=group)
+        private = f"{self._private.root}/{path}"
+        client = ActionClient(node, kind, private, callback_group=group)
         server = ActionServer(
             node,
             kind,
@@ -246,7 +247,7 @@ class FabricFront:
             callback_group=group,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
-        call = RosCall(RosKind.ACTION, name=path, probe_s=_PROBE_S)
+        call = RosCall(RosKind.ACTION, name=private, probe_s=_PROBE_S)
         own = Action(
             *(self._node, client, kind, call),
             resources=None,  # it moves nothing, and several may generate at once

@@ -260,10 +260,10 @@ class LiveRun:
 
 
 def _left() -> list[str]:
-    """Words for what may still use a resource of the robot, whoever waits for it."""
+    """Words for the goals that may still act, whoever waits for them."""
     from gpsfsm.ros.ledger import OURS
 
-    return [each.words for each in OURS.open() if each.resources]
+    return [each.words for each in OURS.open() if not each.is_request]
 
 
 async def _ticking(driver: RealtimeDriver, observer: RunObserver) -> None:

@@ -8,10 +8,11 @@ from __future__ import annotations
 import os
 import sys
 
-from gpsfsm.cli import main, serve
+from gpsfsm.cli import main
+from gpsfsm.ros import stopper
 
 if __name__ == "__main__":
     if folder := os.environ.get("STOPPER"):
         command = (sys.executable, "-P", "-m", "tests.service.stopper_child", folder)
-        serve._stopper = lambda *_: command
+        stopper.stopper_command = lambda *_: command
     sys.exit(main())

@@ -400,7 +400,7 @@ def httpx_body(body: object) -> bytes:
 @pytest.mark.parametrize(
     ("how", "why"),
     [
-        ("deaf", "the stopper has not answered within 5 s"),
+        ("deaf", "the stopper has not answered within 3 s"),
         ("partly", "/dock has not answered"),
         ("strange", "no number of goals"),
     ],
@@ -423,7 +423,7 @@ def test_a_late_answer_of_the_stopper_confirms_no_later_stop(real: RealService) 
         for _ in range(2):  # the answer to the first one comes while the second one waits
             answer = client.post("/v1/stop")
             assert answer.status_code == 503, answer.text
-            assert "the stopper has not answered within 5 s" in answer.json()["detail"]
+            assert "the stopper has not answered within 3 s" in answer.json()["detail"]
 
 
 def test_a_stopper_that_has_ended_is_started_again(real: RealService) -> None:

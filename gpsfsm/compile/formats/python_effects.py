@@ -52,8 +52,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
 _PRIVATE = frozenset(
-    {"set_initial_state", "add_auto", "_transitions", "_states", "_initial_state_label"}
-    | {"_connector_outcomes", "_outcome_map", "_default_outcome", "_conditions", "_labels"}
+    {"set_initial_state", "add_auto", "register_outcomes", "_transitions", "_states"}
+    | {"_initial_state_label", "_connector_outcomes", "_outcome_map", "_default_outcome"}
+    | {"_conditions", "_labels"}
 )
 MOST_STEPS: Final = 50_000
 _MOST_ROUNDS: Final = 8

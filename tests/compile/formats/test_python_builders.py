@@ -194,6 +194,7 @@ GOOD = "  StateMachine.add('A', Own(), {'ok': 'done', 'failed': 'aborted'})\n"
         "def inner(): sm.set_initial_state(['A'])\nchange(lambda: inner())\n",
         "from contextlib import suppress\nwith sm, suppress(KeyError): change()\n",
         "def later(): sm.set_initial_state(['A'])\nimport rospy\nrospy.Timer(1, later)\n",
+        "def later(): sm.register_outcomes(['x'])\nchange(later)\n",
         "exec('sm = None')\n",
         "Iterator(outcomes=['x'])\n",
         "try: pass\nexcept* ValueError: pass\n",
