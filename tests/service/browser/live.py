@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -108,6 +109,19 @@ class Live:
         """The run that is shown has ended so."""
         self.over.filter(has_text=words).wait_for(timeout=60_000)
         self.page.evaluate(_DRAWN)
+
+    def step_until(self, wanted: Locator) -> None:
+        """Lets one event happen after the other in a paused run, until something is shown."""
+        from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
+
+        for _ in range(20):
+            before = self.page.evaluate(STATES)
+            self.button("Step: let one event happen, then pause").click()
+            with suppress(PlaywrightTimeoutError):  # of an event that no node has
+                self.page.wait_for_function(STEPPED, arg=before, timeout=5_000)
+            if wanted.count():
+                break
+        wanted.wait_for()
 
     def at_s(self) -> float:
         """The time of the run that is shown."""

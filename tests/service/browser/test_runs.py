@@ -146,12 +146,7 @@ def test_it_is_paused_stepped_and_goes_on(service: Service, live: Open) -> None:
         page.run(LONG, speed="0.5")
         page.page.locator(".run-badge.held").wait_for()
         assert page.at_s() == 0
-        for _ in range(5):  # begin, load, start
-            if page.active.count():
-                break
-            page.button("Step: let one event happen, then pause").click()
-            page.page.wait_for_timeout(300)
-        page.active.filter(has_text="line 2").wait_for()
+        page.step_until(page.active.filter(has_text="line 2"))
         page.button("Resume the run").click()
         until(lambda: page.at_s() > 0)
         page.button("Pause the run").click()

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.conftest import REPO
-from tests.service.browser.live import STATES, STEPPED
 from tests.service.support import Service
 
 if TYPE_CHECKING:
@@ -41,21 +39,12 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 
 def test_leaves_of_a_tree_drive_and_are_halted(service: Service, live: Open) -> None:
-    from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
-
     with live(service.address) as page:
         page.page.get_by_label("paused").check()
         page.run(DEPOT, world="depot", speed="20")
         page.page.locator(".run-badge.held").wait_for()
         drives = page.active.filter(has_text="NavigateToPose (goal=3.5;5;0) at line 5")
-        for _ in range(20):
-            at = page.page.evaluate(STATES)
-            page.button("Step: let one event happen, then pause").click()
-            with suppress(PlaywrightTimeoutError):  # of an event that no node has
-                page.page.wait_for_function(STEPPED, arg=at, timeout=5_000)
-            if drives.count():
-                break
-        drives.wait_for()
+        page.step_until(drives)
         page.page.get_by_label("Speed of this run").select_option("0")
         page.button("Resume the run").click()
         page.ended("has completed")
