@@ -40,6 +40,8 @@ def test_a_frozen_server_ends_the_run_in_doubt(ros: Domain) -> None:
         os.kill(server.process.pid, signal.SIGSTOP)
         out, err = process.communicate(timeout=60)
         os.kill(server.process.pid, signal.SIGCONT)
+        server.command("drive", speed=9.0)  # it is awake again, and can be asked to end
+        server.wait_for("result")
     assert process.returncode == 3, (out, err)
     assert "its server does not answer, so whether it acts is unknown" in err
     assert len(server.journal("goal")) == 1
