@@ -44,7 +44,13 @@ class FakeServer:
     """A node and its executor; subclasses add actions, services and commands."""
 
     def __init__(self, name: str) -> None:
-        # in all threads: a handler would run inside of whatever the main thread holds a lock for
+        # The threads of numpy are older and may take a signal: so it is not waited for, but whoever
+        # takes it writes to a pipe. Those of the middleware are let alone.
+        self._ends, told = os.pipe()
+        os.set_blocking(told, False)
+        signal.set_wakeup_fd(told)
+        for number in _ENDS:
+            signal.signal(number, lambda *_: None)
         signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node(name)
@@ -84,7 +90,8 @@ class FakeServer:
         spinning.start()
         threading.Thread(target=self._read_commands, daemon=True, name="commands").start()
         self.journal("ready")
-        signal.sigwait(_ENDS)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDS)
+        os.read(self._ends, 1)
         self.stopping.set()
         self.stop()
         self._executor.shutdown()
