@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from playwright.sync_api import Page
 
-__all__ = ["audited", "misfits", "objections"]
+__all__ = ["audited", "misfits", "needs_axe", "objections"]
 
 SIZES = (1280, 800), (390, 844)
 """Windows of a desk and of a phone."""
@@ -80,10 +80,15 @@ _MISFITS = """async ([selector, least]) => {
 """Each control is scrolled into view; there it must be whole, on top and large enough."""
 
 
+_NO_AXE = "axe-core is not installed: npm install --no-save axe-core"
+needs_axe = pytest.mark.skipif(not _AXE.is_file(), reason=_NO_AXE)
+"""For a test that would leave something behind if it was skipped at its first audit."""
+
+
 @cache
 def _axe() -> str:
     if not _AXE.is_file():
-        pytest.skip("axe-core is not installed: npm install --no-save axe-core")
+        pytest.skip(_NO_AXE)
     return _AXE.read_text(encoding="utf-8")
 
 

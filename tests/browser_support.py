@@ -172,6 +172,7 @@ def _fresh(browser: Browser) -> Iterator[Page]:
         page.set_default_timeout(20_000)
     try:
         yield page
+        page.unroute_all(behavior="ignoreErrors")
         page.evaluate(_FORGET)
         page.mouse.move(-1, -1)
         page.goto("about:blank")

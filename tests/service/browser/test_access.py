@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser_audit import audited
+from tests.browser_audit import audited, needs_axe
 from tests.browser_support import NEXT_FRAME
 from tests.conftest import REPO
 from tests.service.browser.live import LOST, plan, speech, waypoint
@@ -74,6 +74,7 @@ def test_trees_and_machines(file: str, service: Service, live: Open) -> None:
         is_open_to_all(page)
 
 
+@needs_axe
 def test_a_run_from_its_start_to_its_end(service: Service, live: Open) -> None:
     with live(service.address, size=(1280, 800)) as page:
         page.run(GREETS, speed="0.25")
@@ -108,6 +109,7 @@ def test_a_run_that_gives_up_and_the_list_of_runs(service: Service, live: Open) 
         is_open_to_all(page)
 
 
+@needs_axe
 def test_a_very_long_plan(service: Service, live: Open) -> None:
     with live(service.address, size=(1280, 800)) as page:
         page.run(LONG, speed="1")  # it goes on as long as the audit takes
