@@ -45,8 +45,8 @@ export function mountRunStage(container, { watch, previous, hooks }) {
   });
   const graphs = [];
   const drawSoon = oncePerFrame(() => !shared.gone && drawTime());
-  /** @type {{drawn: string, gone: boolean, acting: number[], pointer: number[], menu: {menu: HTMLElement, node: number} | null, unsubscribe: () => void}} */
-  const shared = { drawn: "", gone: false, acting: [], pointer: [0, 0], menu: null, unsubscribe: () => {} };
+  /** @type {{drawn: string, gone: boolean, acting: number[], pointer: number[], menu: {menu: HTMLElement, node: number} | null, commands: any, unsubscribe: () => void}} */
+  const shared = { drawn: "", gone: false, acting: [], pointer: [0, 0], menu: null, commands: null, unsubscribe: () => {} };
 
   mountPanes();
   const parts = replayParts();
@@ -161,24 +161,45 @@ export function mountRunStage(container, { watch, previous, hooks }) {
     return el("button", { class: "link", type: "button", onclick: () => hooks.onOpen(run) }, words);
   }
 
+  function commandParts() {
+    const step = "Step: let one event happen, then pause";
+    return {
+      resume: button([sign("play"), "Resume"], "Resume the run", () => command("resume"), { class: "button primary" }),
+      pause: button([sign("pause"), "Pause"], "Pause the run", () => command("pause")),
+      step: button([sign("step"), "Step"], step, () => command("step", { events: 1 }), { hidden: watch.real }),
+      speed: speedPart(),
+      stop: button([sign("stop"), "Cancel"], "Cancel the run", () => command("cancel"), { class: "button danger" }),
+    };
+  }
+
+  function speedPart() {
+    const onchange = (event) => command("speed", { speed: Number(event.target.value) || null });
+    const choice = speedChoice("Speed of this run", watch.speed === null ? 0 : watch.speed, onchange);
+    choice.hidden = watch.real;
+    return choice;
+  }
+
+  // The buttons stay as long as the run goes on: one that was replaced between the press and the
+  // release of the mouse would take no click, and would lose the focus.
   function drawCommands() {
     if (!watch.running) {
+      shared.commands = null;
       replaceContent(commands, el("span", { class: "run-over" }, overWords(watch)));
       return;
     }
-    const { paused } = watch;
-    const chosen = watch.speed === null ? 0 : watch.speed;
-    replaceContent(
-      commands,
-      paused
-        ? button([sign("play"), "Resume"], "Resume the run", () => command("resume"), { class: "button primary" })
-        : button([sign("pause"), "Pause"], "Pause the run", () => command("pause")),
-      watch.real ? null : button([sign("step"), "Step"], "Step: let one event happen, then pause", () => command("step", { events: 1 })),
-      watch.real
-        ? null
-        : speedChoice("Speed of this run", chosen, (event) => command("speed", { speed: Number(event.target.value) || null })),
-      button([sign("stop"), "Cancel"], "Cancel the run", () => command("cancel"), { class: "button danger" }),
-    );
+    if (!shared.commands) {
+      shared.commands = commandParts();
+      replaceContent(commands, Object.values(shared.commands));
+    }
+    const { resume, pause, speed } = shared.commands;
+    const [shown, other] = watch.paused ? [resume, pause] : [pause, resume];
+    const isFocused = document.activeElement === other;
+    [shown.hidden, other.hidden] = [false, true];
+    if (isFocused) shown.focus();
+    if (Number(speed.value) !== (watch.speed === null ? 0 : watch.speed)) {
+      shared.commands.speed = speedPart();
+      speed.replaceWith(shared.commands.speed);
+    }
   }
 
   function replayParts() {

@@ -168,6 +168,26 @@ def test_it_is_paused_stepped_and_goes_on(service: Service, live: Open) -> None:
         assert page.pose() == (1.0, 1.0)
 
 
+_SET_SPEED = """() => {
+  const choice = document.querySelector("[title='Speed of this run']");
+  choice.value = "0";
+  choice.dispatchEvent(new Event("change", { bubbles: true }));
+}"""
+
+
+def test_a_click_is_taken_though_news_come_before_it_ends(service: Service, live: Open) -> None:
+    with live(service.address) as page:
+        page.page.get_by_label("paused").check()
+        page.run(LONG, speed="0.5")
+        page.button("Resume the run").hover()
+        page.page.mouse.down()
+        with page.page.expect_response("**/speed"):
+            page.page.evaluate(_SET_SPEED)
+        page.page.wait_for_timeout(500)
+        page.page.mouse.up()
+        page.ended("has completed")
+
+
 def test_a_running_runner_is_let_fail_by_a_click(service: Service, live: Open) -> None:
     with live(service.address) as page:
         page.run(RECOVERED, speed="0.25")
