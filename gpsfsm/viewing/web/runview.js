@@ -44,13 +44,13 @@ export function mountRunStage(container, { watch, previous, hooks }) {
     onSelect: (node) => watch.store.selectNode(node, "timeline"),
   });
   const graphs = [];
-  const drawSoon = oncePerFrame(() => !shared.gone && drawTime());
+  const drawSoon = oncePerFrame(() => !shared.gone && draw());
   /** @type {{drawn: string, gone: boolean, acting: number[], pointer: number[], menu: {menu: HTMLElement, node: number} | null, commands: any, unsubscribe: () => void}} */
   const shared = { drawn: "", gone: false, acting: [], pointer: [0, 0], menu: null, commands: null, unsubscribe: () => {} };
 
   mountPanes();
   const parts = replayParts();
-  update("loaded");
+  draw();
 
   function mountPanes() {
     const wide = Boolean(previous && previous.store);
@@ -241,13 +241,18 @@ export function mountRunStage(container, { watch, previous, hooks }) {
     replaceContent(target, sign(icon), words);
   }
 
-  function update(what) {
+  // All in one frame: who reads "paused" reads the time, and sees the robot, where the run stands.
+  function draw() {
     const key = [watch.state, watch.paused, watch.speed, watch.info.continued_by_run].join();
     if (key !== shared.drawn) {
       shared.drawn = key;
       drawHead();
       drawCommands();
     }
+    drawTime();
+  }
+
+  function update(what) {
     if (shared.menu && !canFail(shared.menu.node)) closeMenu();
     if (what !== "trouble") drawSoon();
   }

@@ -161,10 +161,8 @@ export class Watch {
   // How the run stands, as the service has said.
   heard(status) {
     this._heard(status);
-    if (!isOpen(status.status) && this.attached) {
-      this._showNow();
-      this.attached = false;
-    }
+    if (this.attached) this._showNow();
+    if (!isOpen(status.status)) this.attached = false;
     this.onChange("status");
   }
 

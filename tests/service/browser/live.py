@@ -105,6 +105,10 @@ class Live:
         assert match is not None
         return int(match[1])
 
+    def held(self) -> None:
+        """The run that is shown is paused."""
+        self.page.locator(".run-badge.held").wait_for()
+
     def ended(self, words: str) -> None:
         """The run that is shown has ended so."""
         self.over.filter(has_text=words).wait_for(timeout=60_000)

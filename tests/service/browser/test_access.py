@@ -81,7 +81,7 @@ def test_a_run_from_its_start_to_its_end(service: Service, live: Open) -> None:
         page.active.first.wait_for()
         is_open_to_all(page)
         page.button("Pause the run").click()
-        page.page.locator(".run-badge.held").wait_for()
+        page.held()
         is_open_to_all(page)
         page.click_node(1)
         page.page.get_by_role("menuitem", name="Make it fail").wait_for()

@@ -93,7 +93,7 @@ def test_a_run_is_followed_unless_somebody_looks_elsewhere(service: Service, liv
     with live(service.address, size=(390, 700)) as page:
         page.page.get_by_label("paused").check()
         page.run(LONG, speed="20")
-        page.page.locator(".run-badge.held").wait_for()
+        page.held()
         tops, acted = set(), 0
         until_s = time.monotonic() + 300
         while not page.over.count():
@@ -139,7 +139,7 @@ def test_no_end_is_told_before_the_map_shows_it(service: Service, live: Open) ->
         page.page.route(re.compile(r"/v1/plans/[^/]+/events"), silent)
         page.page.get_by_label("paused").check()
         page.run(SHORT, speed="0")
-        page.page.locator(".run-badge.held").wait_for()
+        page.held()
         step = "() => document.querySelector('[title^=\"Step: let one\"]')?.click()"
         until(lambda: bool(page.page.evaluate(step) or page.over.count()))
         page.ended("has completed")
@@ -150,13 +150,13 @@ def test_it_is_paused_stepped_and_goes_on(service: Service, live: Open) -> None:
     with live(service.address) as page:
         page.page.get_by_label("paused").check()
         page.run(LONG, speed="0.5")
-        page.page.locator(".run-badge.held").wait_for()
+        page.held()
         assert page.at_s() == 0
         page.step_until(page.active.filter(has_text="line 2"))
         page.button("Resume the run").click()
         until(lambda: page.at_s() > 0)
         page.button("Pause the run").click()
-        page.page.locator(".run-badge.held").wait_for()
+        page.held()
         stood, where = page.at_s(), page.pose()
         page.page.wait_for_timeout(400)
         assert (page.at_s(), page.pose()) == (stood, where)
@@ -166,6 +166,34 @@ def test_it_is_paused_stepped_and_goes_on(service: Service, live: Open) -> None:
         page.button("Resume the run").click()
         page.ended("has completed")
         assert page.pose() == (1.0, 1.0)
+
+
+_SEEN_AS_PAUSED = """() => new Promise((seen) => {
+  const shown = () => [
+    document.querySelector(".run-clock").textContent,
+    document.querySelector(".map-picture").dataset.pose,
+  ].join();
+  const look = () => document.querySelector(".run-badge.held")
+    && setTimeout(() => seen([shown(), frames()]));
+  const frames = () => new Promise((drawn) =>
+    requestAnimationFrame(() => requestAnimationFrame(() => drawn(shown()))));
+  new MutationObserver(look).observe(document.body, { subtree: true, childList: true });
+  document.querySelector("[title='Pause the run']").click();
+}).then((all) => Promise.all(all))"""
+"""What the page shows at the end of the frame that says "paused", and two frames later."""
+
+
+def test_it_stands_where_it_is_shown_as_soon_as_it_is_paused(service: Service, live: Open) -> None:
+    with live(service.address) as page:
+        page.run(LONG, speed="0.5")
+        for _ in range(5):
+            before = page.at_s()
+            until(lambda before=before: page.at_s() > before)
+            at_once, later = page.page.evaluate(_SEEN_AS_PAUSED)
+            assert at_once == later
+            page.button("Resume the run").click()
+        page.button("Cancel the run").click()
+        page.ended("was cancelled")
 
 
 _SET_SPEED = """() => {

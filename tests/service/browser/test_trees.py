@@ -42,7 +42,7 @@ def test_leaves_of_a_tree_drive_and_are_halted(service: Service, live: Open) -> 
     with live(service.address) as page:
         page.page.get_by_label("paused").check()
         page.run(DEPOT, world="depot", speed="20")
-        page.page.locator(".run-badge.held").wait_for()
+        page.held()
         drives = page.active.filter(has_text="NavigateToPose (goal=3.5;5;0) at line 5")
         page.step_until(drives)
         page.page.get_by_label("Speed of this run").select_option("0")
