@@ -7,6 +7,7 @@ that the section names shows only where they are installed, so ``gpsfsm.ros`` sa
 from __future__ import annotations
 
 import re
+from math import isfinite, nan
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BeforeValidator, Field
@@ -19,23 +20,24 @@ from gpsfsm.capabilities.reading import (
     MappingOf,
     Number,
     Scalar,
+    Table,
     Text,
     Texts,
     wrong,
 )
-from gpsfsm.model.ros import OnResume, RosCall, RosKind
+from gpsfsm.model.ros import WHOLE, Comparison, Condition, OnResume, RosCall, RosKind, steps
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from gpsfsm.capabilities.defects import Place
     from gpsfsm.model.capability import Provider
-    from gpsfsm.model.plan import Value
 
 _NAME = re.compile(r"[~/]?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 _TYPE = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
 _FIELD = re.compile(r"[a-z]\w*(?:\[\])?(?:\.[a-z]\w*(?:\[\])?)*", re.ASCII)
-_WHOLE = "."
-"""In place of a field: all of the message."""
+_COMPARED = re.compile(r"([<>]=?|!=|==)\s*(.*)")
+_PICKS = "first, last, all, or best by FIELD"
 _FOLDERS = {RosKind.ACTION: "action", RosKind.SERVICE: "srv", RosKind.TOPIC: "msg"}
 _DEADLINES = {RosKind.SERVICE: 30.0, RosKind.TOPIC: 30.0, RosKind.TRANSFORM: 5.0}
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage",)
@@ -61,6 +63,13 @@ def _frames(node: object) -> object:
     return frames
 
 
+def _alternatives(node: object) -> object:
+    tables = node if isinstance(node, Items) else [node]
+    if not tables or not all(isinstance(each, Table) and each for each in tables):
+        raise wrong("what fields must be ('field: value' lines), or a list of such mappings", node)
+    return list(tables)
+
+
 class CallFile(FileModel):
     """``ros``: what the runner does on a robot."""
 
@@ -76,7 +85,7 @@ class CallFile(FileModel):
     outputs: MappingOf[Text] = Field(default_factory=dict)
     feedback: MappingOf[Text] = Field(default_factory=dict)
     pose: Text = ""
-    success: MappingOf[Any] = Field(default_factory=dict)
+    success: Annotated[list[Table], BeforeValidator(_alternatives)] = Field(default_factory=list)
     message: Text = ""
     latched: Flag = False
     deadline: Number | None = None
@@ -104,11 +113,17 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
     _check_resume(model, kind, notes)
     parameters = {each.name for each in provider.configuration}
     parameters |= {each.name for each in provider.inputs}
-    request = _values(model, "request", parameters, notes)
-    success = _values(model, "success", parameters, notes)
+    request = [
+        (field, _value(node, parameters, model.below("request", field), notes, lists=True))
+        for field, node in model.request.items()
+    ]
+    success = [
+        tuple(_condition(field, table, parameters, notes) for field in table)
+        for table in model.success
+    ]
     for frame in (each for pair in model.transform for each in pair):
         if frame.startswith("$"):
-            _check_parameter(frame, parameters, model, "transform", notes)
+            _check_parameter(frame, parameters, model.at("transform"), notes)
     if len(notes.defects) > before:
         return None
     deadline = model.deadline
@@ -116,12 +131,12 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
         kind=kind,
         name=name,
         types=_TRANSFORMS if kind is RosKind.TRANSFORM else tuple(model.type),
-        request=request,
+        request=tuple((field, value) for field, value in request if value is not None),
         optional=tuple(dict.fromkeys(model.optional)),
         outputs=tuple(model.outputs.items()),
         feedback=tuple(model.feedback.items()),
         pose=model.pose,
-        success=success,
+        success=tuple(tuple(filter(None, each)) for each in success),
         message=model.message,
         frames=tuple(model.transform),
         latched=model.latched,
@@ -168,14 +183,20 @@ def _check_fields(model: CallFile, kind: RosKind, provider: Provider, notes: Not
         if getattr(model, key):
             message = f"{quoted(key)} has no effect for {_article(kind)}"
             notes.error(model.at(key), message, "remove it")
-    fields = [(key, each) for key in ("request", "success") for each in getattr(model, key)]
-    for key in ("outputs", "feedback"):
-        fields += [(key, each) for each in getattr(model, key).values()]
-    fields += [("optional", each) for each in model.optional]
-    fields += [(key, getattr(model, key)) for key in ("pose", "message") if getattr(model, key)]
-    for key, field in fields:
-        if not (_FIELD.fullmatch(field) or (key == "outputs" and field == _WHOLE)):
-            notes.error(model.at(key), f"{quoted(field)} is not a field", "write a.b, or a[].b")
+    for key in ("request", "optional"):
+        for field in getattr(model, key):
+            if not _FIELD.fullmatch(field):
+                hint = "write a.b, or a[].b for each item of a list"
+                notes.error(model.at(key), f"{quoted(field)} is not a field", hint)
+    read = [("success", field) for table in model.success for field in table]
+    read += [
+        (key, field) for key in ("outputs", "feedback") for field in getattr(model, key).values()
+    ]
+    read += [(key, getattr(model, key)) for key in ("pose", "message") if getattr(model, key)]
+    for key, field in read:
+        if not (_is_read(field) or (key == "outputs" and field == WHOLE)):
+            hint = f"write a.b, a[] for a length, or a[first].b ({_PICKS})"
+            notes.error(model.at(key), f"{quoted(field)} is not a field", hint)
     if kind is RosKind.TRANSFORM:
         for name, field in model.outputs.items():
             if field not in _OF_A_POSE:
@@ -209,26 +230,55 @@ def _check_resume(model: CallFile, kind: RosKind, notes: Notes) -> None:
         notes.error(model.at("on_resume"), message, "remove it")
 
 
-def _values(
-    model: CallFile, key: str, parameters: Collection[str], notes: Notes
-) -> tuple[tuple[str, Value], ...]:
-    values: list[tuple[str, Value]] = []
-    for field, node in getattr(model, key).items():
-        if not isinstance(node, Scalar) or node.value is None:
-            notes.error(
-                model.below(key, field), "it is not a value", "write a value, or $parameter"
-            )
-            continue
-        if isinstance(node.value, str) and node.value.startswith("$"):
-            _check_parameter(node.value, parameters, model, key, notes)
-        values.append((field, node.value))
-    return tuple(values)
+def _is_read(path: str) -> bool:
+    try:
+        return bool(steps(path))
+    except ValueError:
+        return False
 
 
-def _check_parameter(
-    text: str, parameters: Collection[str], model: CallFile, key: str, notes: Notes
-) -> None:
+def _value(
+    node: object, parameters: Collection[str], place: Place, notes: Notes, *, lists: bool = False
+) -> Any:
+    """A value, or a tuple of values for a list, or None with an error noted."""
+    if isinstance(node, Items) and lists:
+        items = [_value(each, parameters, node.place, notes, lists=True) for each in node]
+        if not items:
+            notes.error(node.place, "the list is empty", "write values, or remove the field")
+        return None if None in items else tuple(items)
+    if not isinstance(node, Scalar) or node.value is None:
+        notes.error(place, "it is not a value", "write a value, or $parameter")
+        return None
+    if isinstance(node.value, str) and node.value.startswith("$"):
+        _check_parameter(node.value, parameters, place, notes)
+    return node.value
+
+
+def _condition(
+    field: str, table: Table, parameters: Collection[str], notes: Notes
+) -> Condition | None:
+    place = table.places[field]
+    value = _value(table[field], parameters, place, notes)
+    match = _COMPARED.fullmatch(value) if isinstance(value, str) else None
+    if value is None or match is None:
+        return None if value is None else Condition(field, Comparison.IS, value)
+    word, operand = Comparison(match[1]), match[2]
+    if operand.startswith("$"):
+        _check_parameter(operand, parameters, place, notes)
+        return Condition(field, word, operand)
+    try:
+        number = float(operand)
+    except ValueError:
+        number = nan
+    if not isfinite(number):
+        hint = "write one such as '>= 0.2', or '< $parameter'"
+        notes.error(place, f"{quoted(value)} is not a comparison", hint)
+        return None
+    return Condition(field, word, number)
+
+
+def _check_parameter(text: str, parameters: Collection[str], place: Place, notes: Notes) -> None:
     name = text.removeprefix("$")
     if name not in parameters:
         hint = notes.near(name, parameters) or "describe it, or write a value"
-        notes.error(model.at(key), f"there is no parameter {quoted(name)}", hint)
+        notes.error(place, f"there is no parameter {quoted(name)}", hint)

@@ -35,7 +35,7 @@ from gpsfsm.model.capability import (
     ValueType,
 )
 from gpsfsm.model.event import Event
-from gpsfsm.model.ros import OnResume, RosCall, RosKind
+from gpsfsm.model.ros import Comparison, Condition, OnResume, RosCall, RosKind
 from gpsfsm.streams import to_stderr
 
 if TYPE_CHECKING:
@@ -134,6 +134,17 @@ def _rows(rows: Any) -> Any:
     return tuple([tuple(row) for row in rows])
 
 
+def _deep(rows: Any) -> Any:
+    return tuple(map(_deep, rows)) if isinstance(rows, list) else rows
+
+
+def _conditions(sets: Any) -> Any:
+    return tuple(
+        tuple(Condition(field, Comparison(word), value) for field, word, value in rows)
+        for rows in sets
+    )
+
+
 def _reached(rows: Any) -> Any:
     return tuple([(Permission(what), parameter) for what, parameter in rows])
 
@@ -173,7 +184,9 @@ _READERS: dict[type[Any], dict[str, Callable[[Any], Any]]] = {
         "types": tuple,
         "optional": tuple,
         "on_resume": OnResume,
-        **dict.fromkeys(("request", "outputs", "feedback", "success", "frames"), _rows),
+        "request": _deep,
+        "success": _conditions,
+        **dict.fromkeys(("outputs", "feedback", "frames"), _rows),
     },
 }
 

@@ -6,13 +6,74 @@ without a leading slash are relative to the namespace of the robot, as in ROS it
 
 from __future__ import annotations
 
+import re
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
     from gpsfsm.model.plan import Value
+
+    Filling = Value | tuple["Filling", ...]
+
+
+WHOLE = "."
+"""In place of a path: all of a message, as text."""
+BEST_BY = "best by "
+"""What picks the item of a list in which some field is the greatest, before its path."""
+PICKS = ("", "first", "last", "all")
+"""What picks from a list, besides: its length, an item, or all items."""
+Steps = list[tuple[str, str | None]]
+
+_PART = re.compile(r"([a-z]\w*)(?:\[(.*)\])?", re.ASCII)
+_DEEPEST = 200  # characters of a path
+
+
+def steps(path: str) -> Steps:
+    """The fields of a path that is read, each with what picks from its list. Raises ValueError.
+
+    >>> steps("a.b[best by c[first].d].e[]")
+    [('a', None), ('b', 'best by c[first].d'), ('e', '')]
+    """
+    parts, depth = [""], 0
+    for sign in path[:_DEEPEST]:
+        depth += (sign == "[") - (sign == "]")
+        if sign == "." and not depth:
+            parts.append("")
+        else:
+            parts[-1] += sign
+    found: Steps = []
+    for part in parts:
+        match = _PART.fullmatch(part)
+        if match is None or depth or len(path) > _DEEPEST or (found and found[-1][1] == ""):
+            raise ValueError(path)
+        name, pick = match[1], match[2]
+        if pick is not None and pick not in PICKS:
+            if not pick.startswith(BEST_BY):
+                raise ValueError(path)
+            steps(pick.removeprefix(BEST_BY))
+        found.append((name, pick))
+    return found
+
+
+class Comparison(StrEnum):
+    """The comparisons of a field with a value that decide whether a call has succeeded."""
+
+    IS = "=="
+    IS_NOT = "!="
+    AT_LEAST = ">="
+    AT_MOST = "<="
+    MORE = ">"
+    LESS = "<"
+
+
+class Condition(NamedTuple):
+    """What a field must be: ``field comparison value``; the value may be a parameter (``$x``)."""
+
+    field: str
+    comparison: Comparison
+    value: Value
 
 
 class RosKind(StrEnum):
@@ -36,25 +97,26 @@ class RosCall:
     """One exchange with a robot: a goal, a request, a message, a transform.
 
     ``types`` are full names of definitions (``nav2_msgs/action/NavigateToPose``), of which the
-    first that is installed and offered is used. ``request`` fills fields: by a value, or by a
-    parameter (``$x``); ``optional`` names those that a definition may lack. ``outputs`` and
-    ``feedback`` are names and the fields that they come from; ``pose`` is the field of the feedback
-    with the pose of the robot. ``success`` are the values that fields of the result must have, and
-    ``message`` the field that says why they have not. ``frames`` are pairs of a frame and the frame
-    that is looked up in it, tried in order. ``latched``: the topic keeps its last message for those
-    who come late. Seconds: ``deadline_s`` for all of it, ``silence_s`` without feedback, ``wait_s``
-    for the server to appear, ``probe_s`` for a sign of life; 0 means without limit.
+    first that is installed and offered is used. ``request`` fills fields: by a value, a list of
+    values, or a parameter (``$x``); ``optional`` names those that a definition may lack.
+    ``outputs`` and ``feedback`` are names and the fields that they come from; ``pose`` is the field
+    of the feedback with the pose of the robot. ``success`` are sets of conditions, one of which has
+    to hold whole, and ``message`` is the field that says why none does. ``frames`` are pairs of a
+    frame and the frame that is looked up in it, tried in order. ``latched``: the topic keeps its
+    last message for those who come late. Seconds: ``deadline_s`` for all of it, ``silence_s``
+    without feedback, ``wait_s`` for the server to appear, ``probe_s`` for a sign of life; 0 means
+    without limit.
     """
 
     kind: RosKind
     name: str = ""
     types: tuple[str, ...] = ()
-    request: tuple[tuple[str, Value], ...] = ()
+    request: tuple[tuple[str, Filling], ...] = ()
     optional: tuple[str, ...] = ()
     outputs: tuple[tuple[str, str], ...] = ()
     feedback: tuple[tuple[str, str], ...] = ()
     pose: str = ""
-    success: tuple[tuple[str, Value], ...] = ()
+    success: tuple[tuple[Condition, ...], ...] = ()
     message: str = ""
     frames: tuple[tuple[str, str], ...] = ()
     latched: bool = False

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import asyncio
 import math
+import operator
 import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import InDoubtError, LoadContext, RunContext, Runner, RunnerError
-from gpsfsm.model.ros import OnResume, RosCall, RosKind, RosSettings
+from gpsfsm.model.ros import Comparison, OnResume, RosCall, RosKind, RosSettings
 from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action, goal_id
 from gpsfsm.ros.ledger import OURS, Entry, Said
 from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
@@ -23,11 +24,12 @@ from gpsfsm.ros.services import Service, absence, appeared
 from gpsfsm.ros.transforms import Transforms
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from gpsfsm.capabilities.library import Library
     from gpsfsm.execution.records import RunValue
     from gpsfsm.model.capability import Provider
+    from gpsfsm.model.ros import Condition
 
 _APART_S = 1.0
 """Between two lines of feedback, at first."""
@@ -35,6 +37,12 @@ _SLOWER_S = 60.0
 """From then on they come the less often the longer it takes: a run keeps 1,000 lines of a step, and
 feedback and poses of an hour are some 600, those of a day 1,000."""
 _DIGITS = 4
+_ORDERS: Mapping[Comparison, Callable[[Any, Any], bool]] = {
+    Comparison.AT_LEAST: operator.ge,
+    Comparison.AT_MOST: operator.le,
+    Comparison.MORE: operator.gt,
+    Comparison.LESS: operator.lt,
+}
 _LEFT_S = 4.0
 """What the end of a goal of a process before may take."""
 
@@ -281,17 +289,45 @@ class RosRunner(Runner):
 
     def _outcome(self, message: Any, parameters: Mapping[str, RunValue]) -> Mapping[str, RunValue]:
         """The outputs of a message. Raises RunnerError if it says that nothing came of it."""
-        outputs = {
+        read = {
             name: value_at(message, path)
             for name, path in self._call.outputs
             if has_field(message, path) or path not in self._call.optional
         }
-        for path, expected in self._call.success:
-            value = value_at(message, path)
-            if value != _value(expected, parameters):
+        outputs = {name: value for name, value in read.items() if value is not None}
+        if self._call.success:
+            unmet = [unmet(message, each, parameters) for each in self._call.success]
+            if all(unmet):
                 why = _reason(self._call, message)
-                raise RunnerError(f"{self._who} answers {path}={value!r}{why}", **outputs)
+                raise RunnerError(f"{self._who} answers {' and '.join(unmet)}{why}", **outputs)
         return outputs
+
+
+def unmet(
+    message: Any, conditions: tuple[Condition, ...], parameters: Mapping[str, RunValue]
+) -> str:
+    """The first condition that a message does not fulfil, as ``field=value``; "" if there is none.
+
+    A value that has not been measured fulfils nothing, nor does a parameter without a value.
+    """
+    for field, comparison, wanted in conditions:
+        try:
+            value, operand = value_at(message, field), _value(wanted, parameters)
+            if value is None or operand is None or not _holds(value, comparison, operand):
+                return f"{field}={'NaN' if value is None else repr(value)}"
+        except RosError as error:  # another set of conditions may hold
+            return f"{field}: {error}"
+    return ""
+
+
+def _holds(value: RunValue, comparison: Comparison, operand: RunValue) -> bool:
+    same = value == operand and isinstance(value, bool) == isinstance(operand, bool)
+    if comparison in (Comparison.IS, Comparison.IS_NOT):
+        return same == (comparison is Comparison.IS)
+    for each in (value, operand):
+        if isinstance(each, bool | str | list):
+            raise RosError(f"{each!r} cannot be compared by {comparison}: it is not a number")
+    return bool(_ORDERS[comparison](value, operand))
 
 
 class _Feedback:
@@ -309,14 +345,12 @@ class _Feedback:
         self._next = now + _APART_S * max(1.0, now / _SLOWER_S)
         values: dict[str, RunValue] = {}
         for name, path in self._call.feedback:
-            value = value_at(message, path) if has_field(message, path) else math.nan
-            if not isinstance(value, float):
-                values[name] = value
-            elif math.isfinite(value):  # Nav2 may not know yet how far it is
-                values[name] = round(value, _DIGITS)
+            value = _if_there(message, path)
+            if value is not None:  # Nav2 may not know yet how far it is
+                values[name] = round(value, _DIGITS) if isinstance(value, float) else value
         if values:
             self._context.log("feedback", {"feedback": self._call.name, **values})
-        if self._call.pose and has_field(message, self._call.pose):
+        if self._call.pose:
             x, y, yaw = flat(_pose(message, self._call.pose))
             if not math.isfinite(x + y + yaw):
                 return
@@ -324,9 +358,18 @@ class _Feedback:
             self._context.log(f"the robot is at ({x}, {y})", data)
 
 
+def _if_there(message: Any, path: str) -> RunValue | None:
+    """A field of what is only told; None if this version, or this message, has none."""
+    try:
+        return value_at(message, path)
+    except RosError:
+        return None
+
+
 def _pose(message: Any, path: str) -> tuple[float, ...]:
     names = ["position.x", "position.y", *(f"orientation.{axis}" for axis in "xyzw")]
-    return tuple(float(str(value_at(message, f"{path}.{name}"))) for name in names)
+    values = [_if_there(message, f"{path}.{name}") for name in names]
+    return tuple(each if isinstance(each, int | float) else math.nan for each in values)
 
 
 def flat(pose: tuple[float, ...]) -> tuple[float, float, float]:
@@ -338,17 +381,16 @@ def flat(pose: tuple[float, ...]) -> tuple[float, float, float]:
 
 def _reason(call: RosCall, message: Any) -> str:
     """The reason that a result gives for a failure: text and code, as far as there are any."""
-    parts = []
-    if call.message and has_field(message, call.message):
-        parts.append(str(value_at(message, call.message)))
-    if has_field(message, "error_code") and (code := value_at(message, "error_code")):
+    code = _if_there(message, "error_code")
+    parts = [str(_if_there(message, call.message) or "") if call.message else ""]
+    if code:
         parts.append(f"error code {code}")
     shown = ", ".join(part for part in parts if part)
     return f": {shown}" if shown else ""
 
 
 def _filled(
-    request: tuple[tuple[str, RunValue], ...] | tuple[Any, ...], parameters: Mapping[str, RunValue]
+    request: tuple[tuple[str, Any], ...], parameters: Mapping[str, RunValue]
 ) -> dict[str, RunValue]:
     """The fields of a request; a parameter that has no value leaves its field as it is."""
     values = {path: _value(value, parameters) for path, value in request}
@@ -358,4 +400,9 @@ def _filled(
 def _value(value: Any, parameters: Mapping[str, RunValue]) -> Any:
     if isinstance(value, str) and value.startswith("$"):
         return parameters.get(value[1:])
+    if isinstance(value, tuple):
+        items = [_value(each, parameters) for each in value]
+        if None in items:
+            raise RosError("a parameter in a list has no value")
+        return items
     return value

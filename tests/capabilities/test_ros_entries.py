@@ -8,7 +8,7 @@ import pytest
 
 from gpsfsm.capabilities.load import load_directories
 from gpsfsm.capabilities.table import builtin
-from gpsfsm.model.ros import OnResume, RosCall, RosKind
+from gpsfsm.model.ros import Comparison, Condition, OnResume, RosCall, RosKind
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -69,7 +69,7 @@ def test_an_action_with_everything(tmp_path: Path) -> None:
         outputs=(("text", "result.words"),),
         feedback=(("distance_left_m", "left"),),
         pose="at.pose",
-        success=(("code", 0),),
+        success=((Condition("code", Comparison.IS, 0),),),
         message="words",
         deadline_s=60.0,
         silence_s=5.0,
@@ -95,6 +95,31 @@ def test_deadlines_that_hold_without_one(
     assert (described.kind, described.deadline_s) == (kind, deadline_s)
 
 
+def test_lists_and_conditions(tmp_path: Path) -> None:
+    described = call(
+        tmp_path,
+        ACTION
+        + "  request: {'a[].name': [left, $frame], 'a[].at': [[0, 1], [2, $x]]}\n"
+        + "  outputs: {text: 'a[best by b[first].score].name'}\n"
+        + "  success: [{reached: true, 'a[]': '>= 2'}, {effort: '<$x', left: '!= 0.5'}]\n",
+    )
+    assert described.request == (
+        ("a[].name", ("left", "$frame")),
+        ("a[].at", ((0, 1), (2, "$x"))),
+    )
+    assert described.outputs == (("text", "a[best by b[first].score].name"),)
+    assert described.success == (
+        (
+            Condition("reached", Comparison.IS, True),
+            Condition("a[]", Comparison.AT_LEAST, 2.0),
+        ),
+        (
+            Condition("effort", Comparison.LESS, "$x"),
+            Condition("left", Comparison.IS_NOT, 0.5),
+        ),
+    )
+
+
 def test_frames(tmp_path: Path) -> None:
     one = call(tmp_path, "  transform: [map, $frame]\n")
     two = call(tmp_path, "  transform: [[map, $frame], [odom, base]]\n")
@@ -113,7 +138,18 @@ def test_frames(tmp_path: Path) -> None:
         ("  action: go\n  type: a_msgs/srv/Go\n", 7, "is not a definition of an action"),
         ("  action: go\n  type: {a: b}\n", 7, "'ros.type' must be the name of a definition"),
         (ACTION + "  request: {x: $y}\n", 8, "there is no parameter 'y'"),
-        (ACTION + "  request: {x: [1]}\n", 8, "it is not a value"),
+        (ACTION + "  request: {x: [1, {a: 2}]}\n", 8, "it is not a value"),
+        (ACTION + "  request: {x: [1, [$y]]}\n", 8, "there is no parameter 'y'"),
+        (ACTION + "  request:\n    x: []\n", 9, "the list is empty"),
+        (ACTION + "  request: {'a[first].b': 1}\n", 8, "'a[first].b' is not a field"),
+        (ACTION + "  success: {x: [1]}\n", 8, "it is not a value"),
+        (ACTION + "  success: {x: '> far'}\n", 8, "'> far' is not a comparison"),
+        (ACTION + "  success: {x: '< $y'}\n", 8, "there is no parameter 'y'"),
+        (ACTION + "  success: [{x: 1}, 2]\n", 8, "must be what fields must be"),
+        (ACTION + "  success: []\n", 8, "must be what fields must be"),
+        (ACTION + "  success: {'a[].b': 1}\n", 8, "'a[].b' is not a field"),
+        (ACTION + "  outputs: {text: 'a[best].b'}\n", 8, "'a[best].b' is not a field"),
+        (ACTION + "  outputs: {text: 'a[best by b[].c].d'}\n", 8, "is not a field"),
         (ACTION + "  request: {__class__: 1}\n", 8, "'__class__' is not a field"),
         (ACTION + "  outputs: {words: x}\n", 8, "there is no output 'words'"),
         (ACTION + "  outputs: {text: a b}\n", 8, "'a b' is not a field"),

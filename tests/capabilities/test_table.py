@@ -34,7 +34,7 @@ from gpsfsm.model.capability import (
     ValueType,
 )
 from gpsfsm.model.event import Event
-from gpsfsm.model.ros import OnResume, RosCall, RosKind
+from gpsfsm.model.ros import Comparison, Condition, OnResume, RosCall, RosKind
 from tests.capabilities.support import INTERFACE, PROVIDER, write
 
 RUNNERS = Path(gpsfsm.__file__).parents[1] / "runners"
@@ -65,10 +65,13 @@ outcomes = st.builds(
 )  # fmt: skip
 effects = st.builds(Effects, st.none() | st.builds(PromptBuffer, texts, texts, texts), texts)
 pairs = st.lists(st.tuples(texts, texts), max_size=2).map(tuple)
-filled = st.lists(st.tuples(texts, values), max_size=2).map(tuple)
+listed = st.recursive(values, lambda inner: st.lists(inner, max_size=2).map(tuple), max_leaves=4)
+requests = st.lists(st.tuples(texts, listed), max_size=2).map(tuple)
+conditions = st.builds(Condition, texts, st.sampled_from(Comparison), values)
+successes = st.lists(st.lists(conditions, max_size=2).map(tuple), max_size=2).map(tuple)
 seconds = st.floats(0, 100)
 calls = st.none() | st.builds(
-    RosCall, st.sampled_from(RosKind), texts, many, filled, many, pairs, pairs, texts, filled,
+    RosCall, st.sampled_from(RosKind), texts, many, requests, many, pairs, pairs, texts, successes,
     texts, pairs, st.booleans(), seconds, seconds, seconds, seconds, st.sampled_from(OnResume),
 )  # fmt: skip
 providers = st.builds(

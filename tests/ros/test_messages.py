@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import math
 from typing import Any
 
 import pytest
@@ -98,6 +99,17 @@ def test_lists_make_the_items_and_other_values_go_into_each() -> None:
         ({"at.point.x": "far"}, '"far" does not fit the field at.point.x, a double'),
         ({"all[].point.x": [1, 2], "all[].point.y": [1]}, "differ in length"),
         ({"count[].x": [1]}, "is not a list of messages"),
+        ({"all[].frame": "map"}, "nothing says how many items the list all of Message has"),
+        ({"all[].point.x": []}, "the list for all of Message is empty"),
+        ({"all[].point.x": [[1], 2]}, "the list for all[].point.x are lists of different depth"),
+        ({"all": [1]}, "the field all is a list of messages: fill the fields of its items"),
+        ({"at": 1, "at.frame": "map"}, "is filled in two ways: at and at.frame"),
+        ({"count.x": 1}, "the field count of Message is a uint8, not a message"),
+        ({"weights": " "}, "the text for the list weights is empty"),
+        ({"weights": "1 2 3 4"}, "4 items do not fit the field weights, a sequence<double, 3>"),
+        ({"weights": "1 2 far"}, '"1 2 far" does not fit the field weights, a double'),
+        ({"at.point.x": 10**400}, "is too large for the field at.point.x, a double"),
+        ({"count": math.inf}, "does not fit the field count, a uint8"),
     ],
 )
 def test_what_does_not_fit_is_refused(values: dict[str, Any], message: str) -> None:
@@ -112,6 +124,44 @@ def test_an_optional_field_may_be_missing_and_a_value_may_not_be_wrong() -> None
     assert goal.count == 2
     with pytest.raises(RosError):
         fill(goal, {"count": -1}, optional=("count",))
+
+
+def test_fields_that_are_lists_take_lists_and_texts() -> None:
+    assert filled(weights="1 2.5; -3").weights == [1.0, 2.5, -3.0]
+    assert filled(weights="[0.5, 1]").weights == [0.5, 1.0]
+    assert filled(weights=2).weights == [2.0]
+
+
+def test_an_item_of_a_list_is_picked_and_no_number_is_none() -> None:
+    goal = new_goal()
+    fill(goal, {"all[].frame": ["a", "b", "c"], "all[].point.x": "1 3 3"})
+    assert value_at(goal, "all[first].frame") == "a"
+    assert value_at(goal, "all[last].frame") == "c"
+    assert value_at(goal, "all[best by point.x].frame") == "b"
+    assert value_at(goal, "all[all].point.x") == [1.0, 3.0, 3.0]
+    goal.all[1].point.x = math.nan
+    assert value_at(goal, "all[best by point.x].frame") == "c"
+    goal.at.point.x = math.nan
+    assert value_at(goal, "at.point.x") is None
+    assert value_at(goal, "at") == '{"frame":"","point":{"x":null,"y":0.0}}'
+    with pytest.raises(RosError, match="not been measured cannot be handed over"):
+        value_at(goal, "all[all].point.x")
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("all[first].frame", "there is none in all of Message"),
+        ("all[first].nope", "has no field nope"),
+        ("count[first]", "the field count of Message is not a list"),
+        ("all[best by frame].frame", "asked for by a string, not by a number"),
+        ("at.frame.x", "there is no field x in a str"),
+    ],
+)
+def test_what_cannot_be_picked_is_an_error(path: str, message: str) -> None:
+    with pytest.raises(RosError) as caught:
+        value_at(new_goal(), path)
+    assert message in str(caught.value)
 
 
 def test_values_come_out_as_runners_hand_them_over() -> None:
