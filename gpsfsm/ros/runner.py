@@ -296,10 +296,10 @@ class RosRunner(Runner):
         }
         outputs = {name: value for name, value in read.items() if value is not None}
         if self._call.success:
-            unmet = [unmet(message, each, parameters) for each in self._call.success]
-            if all(unmet):
+            missed = [unmet(message, each, parameters) for each in self._call.success]
+            if all(missed):
                 why = _reason(self._call, message)
-                raise RunnerError(f"{self._who} answers {' and '.join(unmet)}{why}", **outputs)
+                raise RunnerError(f"{self._who} answers {' and '.join(missed)}{why}", **outputs)
         return outputs
 
 
