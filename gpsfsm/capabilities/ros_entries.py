@@ -113,10 +113,7 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
     _check_resume(model, kind, notes)
     parameters = {each.name for each in provider.configuration}
     parameters |= {each.name for each in provider.inputs}
-    request = [
-        (field, _value(node, parameters, model.below("request", field), notes, lists=True))
-        for field, node in model.request.items()
-    ]
+    request = _request(model, parameters, notes)
     success = [
         tuple(_condition(field, table, parameters, notes) for field in table)
         for table in model.success
@@ -131,7 +128,7 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
         kind=kind,
         name=name,
         types=_TRANSFORMS if kind is RosKind.TRANSFORM else tuple(model.type),
-        request=tuple((field, value) for field, value in request if value is not None),
+        request=request,
         optional=tuple(dict.fromkeys(model.optional)),
         outputs=tuple(model.outputs.items()),
         feedback=tuple(model.feedback.items()),
@@ -235,6 +232,17 @@ def _is_read(path: str) -> bool:
         return bool(steps(path))
     except ValueError:
         return False
+
+
+def _request(
+    model: CallFile, parameters: Collection[str], notes: Notes
+) -> tuple[tuple[str, Any], ...]:
+    fields = []
+    for field, node in model.request.items():
+        value = _value(node, parameters, model.below("request", field), notes, lists=True)
+        if value is not None:
+            fields.append((field, value))
+    return tuple(fields)
 
 
 def _value(

@@ -6,11 +6,10 @@ without a leading slash are relative to the namespace of the robot, as in ROS it
 
 from __future__ import annotations
 
-import re
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gpsfsm.late import dataclass
+from gpsfsm.late import dataclass, pattern
 
 if TYPE_CHECKING:
     from gpsfsm.model.plan import Value
@@ -26,7 +25,7 @@ PICKS = ("", "first", "last", "all")
 """What picks from a list, besides: its length, an item, or all items."""
 Steps = list[tuple[str, str | None]]
 
-_PART = re.compile(r"([a-z]\w*)(?:\[(.*)\])?", re.ASCII)
+_PART = pattern(r"([a-z][a-zA-Z0-9_]*)(?:\[(.*)\])?")
 _DEEPEST = 200  # characters of a path
 
 
@@ -43,18 +42,18 @@ def steps(path: str) -> Steps:
             parts.append("")
         else:
             parts[-1] += sign
-    found: Steps = []
+    fields: Steps = []
     for part in parts:
         match = _PART.fullmatch(part)
-        if match is None or depth or len(path) > _DEEPEST or (found and found[-1][1] == ""):
+        if match is None or depth or len(path) > _DEEPEST or (fields and fields[-1][1] == ""):
             raise ValueError(path)
         name, pick = match[1], match[2]
         if pick is not None and pick not in PICKS:
             if not pick.startswith(BEST_BY):
                 raise ValueError(path)
             steps(pick.removeprefix(BEST_BY))
-        found.append((name, pick))
-    return found
+        fields.append((name, pick))
+    return fields
 
 
 class Comparison(StrEnum):
@@ -64,12 +63,12 @@ class Comparison(StrEnum):
     IS_NOT = "!="
     AT_LEAST = ">="
     AT_MOST = "<="
-    MORE = ">"
-    LESS = "<"
+    ABOVE = ">"
+    BELOW = "<"
 
 
 class Condition(NamedTuple):
-    """What a field must be: ``field comparison value``; the value may be a parameter (``$x``)."""
+    """A demand on a field: ``field comparison value``; the value may be a parameter (``$x``)."""
 
     field: str
     comparison: Comparison

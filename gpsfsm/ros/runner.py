@@ -40,8 +40,8 @@ _DIGITS = 4
 _ORDERS: Mapping[Comparison, Callable[[Any, Any], bool]] = {
     Comparison.AT_LEAST: operator.ge,
     Comparison.AT_MOST: operator.le,
-    Comparison.MORE: operator.gt,
-    Comparison.LESS: operator.lt,
+    Comparison.ABOVE: operator.gt,
+    Comparison.BELOW: operator.lt,
 }
 _LEFT_S = 4.0
 """What the end of a goal of a process before may take."""

@@ -114,7 +114,7 @@ def test_lists_and_conditions(tmp_path: Path) -> None:
             Condition("a[]", Comparison.AT_LEAST, 2.0),
         ),
         (
-            Condition("effort", Comparison.LESS, "$x"),
+            Condition("effort", Comparison.BELOW, "$x"),
             Condition("left", Comparison.IS_NOT, 0.5),
         ),
     )

@@ -14,10 +14,10 @@ from gpsfsm.ros import messages
 from gpsfsm.ros.messages import fill, value_at
 from gpsfsm.ros.node import RosError
 from gpsfsm.ros.runner import unmet
+from tests.ros.drawn_messages import REGISTRY, readings, requests, successes
 from tests.ros.judge_messages import (
     ABSENT,
     ERROR,
-    REGISTRY,
     Message,
     Value,
     default_message,
@@ -25,9 +25,6 @@ from tests.ros.judge_messages import (
     judge_read,
     judge_success,
     kind_of,
-    readings,
-    requests,
-    successes,
 )
 
 
