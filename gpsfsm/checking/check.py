@@ -21,7 +21,7 @@ from gpsfsm.checking.idle_options import GRAPH, Idle, idle_options
 from gpsfsm.checking.includes import includes_of
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.checking.option_table import HARMLESS
-from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
+from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated, without_lists
 from gpsfsm.compile.plan_text import machine_in, read_plan_or_machine
 from gpsfsm.errors import (
     DEBUG_VARIABLE,
@@ -319,6 +319,7 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
 
         leaves = stand_ins(plan, progress.forest, capabilities)
     bindings = tuple(each.acting for each in leaves) or bind(plan, capabilities.library)
+    progress.findings = without_lists(progress.findings, bindings)
     try:
         with span("gpsfsm.compile"):
             start_chain = "no-start" in options.faults
@@ -327,12 +328,7 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     except AssumptionError as error:
         progress.fail("GP907", error.summary, hint=error.hint)
         return
-    progress.findings += [
-        rule("GP906").finding(
-            f"the assumption matches no runner of this plan: {text}", plan.location(0)
-        )
-        for text in constraints.unmatched
-    ]
+    progress.findings += _unmatched(constraints, plan)
     if leaves:
         progress.findings += leaf_findings(compiled, leaves, capabilities, options)
     if isinstance(plan, MachinePlan):
@@ -357,6 +353,12 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     except InternalError as error:
         progress.facts = None
         progress.fail("GP903", str(error))
+
+
+def _unmatched(constraints: Constraints, plan: Plan) -> Iterable[Finding]:
+    for text in constraints.unmatched:
+        message = f"the assumption matches no runner of this plan: {text}"
+        yield rule("GP906").finding(message, plan.location(0))
 
 
 def _decide_machine(

@@ -19,16 +19,20 @@ from gpsfsm.analysis.rules import rule, says_no_verdict, select_rules
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.files import read_whole
 from gpsfsm.late import dataclass
+from gpsfsm.model.capability import ValueType
 from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
+    from gpsfsm.model.capability import Binding
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import PlanReport, Report
     from gpsfsm.syntax import Suppression
 
+_PACKED = "GP111"
+_LISTS_OF_NUMBERS = (ValueType.INTS, ValueType.DOUBLES)
 _HOW = "write <!-- gpsfsm: ignore GP302 because ... --> with a reason, and the rule's code or name"
 
 
@@ -228,3 +232,20 @@ def _apply(plan: PlanReport, left: Counter[_Key]) -> PlanReport:
     if not moved:
         return plan
     return replace(plan, findings=tuple(shown), suppressed=(*suppressed, *moved))
+
+
+def without_lists(findings: list[Finding], bindings: Sequence[Binding | None]) -> list[Finding]:
+    """The findings but those of texts of numbers for parameters that are lists of numbers."""
+    if all(each.rule != _PACKED for each in findings):
+        return findings
+    lists = {
+        (attribute.line, attribute.column)
+        for binding in filter(None, bindings)
+        for name, attribute in binding.written.items()
+        if (parameter := binding.provider.parameter(name)) and parameter.type in _LISTS_OF_NUMBERS
+    }
+    return [
+        each
+        for each in findings
+        if each.rule != _PACKED or (each.location.line, each.location.column) not in lists
+    ]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from gpsfsm.capabilities.library import Library
+from gpsfsm.model.capability import Interface, Parameter, Provider, ValueType
 from tests.analysis.rules.support import GO_THERE, HEAR_IT, findings, messages, runner
 
 # -- GP203 ----------------------------------------------------------------------------------
@@ -229,3 +231,27 @@ def test_a_second_name_that_is_ignored_is_not_judged(words: str) -> None:
     assert messages("GP207", step.replace('"-1"', '"$fast"')) == []
     # alone it counts
     assert len(messages("GP206", runner("nav/Go", 'x="1" y="1" velocity="-1"'))) == 1
+
+
+# -- GP111, where the provider is described -------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "is_packed"),
+    [
+        (ValueType.DOUBLES, False),
+        (ValueType.INTS, False),
+        (ValueType.DOUBLE, True),
+        (ValueType.STRING, True),
+        (ValueType.STRINGS, True),
+    ],
+)
+@pytest.mark.parametrize("written", ["0.1 0.2 0.3", "[1, 2]"])
+def test_numbers_in_one_text_are_a_list(kind: ValueType, is_packed: bool, written: str) -> None:
+    bend = Provider(
+        "arm/Bend", "arm/Bend", described=True, configuration=(Parameter("joints", kind),)
+    )
+    library = Library(interfaces=(Interface("arm/Bend"),), providers=(bend,))
+    steps = (runner("arm/Bend", f'joints="{written}"'), runner("x/Y", 'place="1 2"'))
+    lines = [line for line, *_ in messages("GP111", *steps, library=library)]
+    assert lines == ([2, 3] if is_packed else [3])
