@@ -27,13 +27,14 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import InDoubtError
 from gpsfsm.model.ros import OnResume
-from gpsfsm.ros.ledger import NEVER, OURS, Entry, GoalState, Ledger, Said
+from gpsfsm.ros.ledger import NEVER, OURS, Entry, GoalState, Ledger, Said, goal_id
 from gpsfsm.ros.node import Answer, RosError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from gpsfsm.model.ros import RosCall
+    from gpsfsm.ros.ledger import Tell
     from gpsfsm.ros.node import RosNode
 
 UNKNOWN, SUCCEEDED, CANCELED, ABORTED = 0, 4, 5, 6
@@ -56,16 +57,10 @@ _AGAIN_S = 0.5
 _ASK_S, _SOON_S = 2.0, 0.2
 _ACCEPT_S = 10.0
 """What a server may take at most to accept a goal, before it is asked whether it has it."""
-_NAMESPACE = uuid.UUID("5b0ff1a2-2f7f-4a0e-9a53-0d4d3f6a8c11")
 
 
 class GoneError(RosError):
     """The server of a goal has lost it, or says nothing of it any more: it does not act."""
-
-
-def goal_id(key: str) -> uuid.UUID:
-    """The id of the goal of an action of a run: the same after a resume."""
-    return uuid.uuid5(_NAMESPACE, key)
 
 
 class Action:
@@ -104,9 +99,17 @@ class Action:
         self._timer.cancel()
         self._closing = False
 
-    def goal(self, key: str, feedback: Callable[[Any], None] = lambda _: None) -> Goal:
-        """A goal of this name; ``feedback`` gets each message of it, in the thread of the node."""
-        return Goal(self, key, feedback)
+    def goal(
+        self,
+        key: str,
+        feedback: Callable[[Any], None] = lambda _: None,
+        tell: Tell = lambda *_: None,
+    ) -> Goal:
+        """A goal of this name; ``feedback`` gets each message of it, in the thread of the node.
+
+        ``tell`` gets the lines of the ledger about it.
+        """
+        return Goal(self, key, feedback, tell)
 
     def servers(self) -> frozenset[bytes]:
         """The servers on the graph, by the ids of their status topics."""
@@ -166,12 +169,14 @@ class _Question:
 class Goal:
     """A goal of ours."""
 
-    def __init__(self, action: Action, key: str, feedback: Callable[[Any], None]) -> None:
+    def __init__(
+        self, action: Action, key: str, feedback: Callable[[Any], None], tell: Tell
+    ) -> None:
         self._action, self._node, self._call = action, action.node, action.call
         self._ledger = action.ledger
         self._id = goal_id(key)
         self.name = self._id.hex
-        self._feedback = feedback
+        self._feedback, self._tell = feedback, tell
         self._handle = self._handle_of(self._id)
         self._message: Any = None
         self._result: Any = None  # the response with status and result
@@ -199,7 +204,7 @@ class Goal:
         who, resources = f"the action {self._call.name}", self._action.resources
         may_repeat = self._call.on_resume is OnResume.CONTINUE
         entry = Entry(self.name, who, resources, may_repeat=may_repeat, state=state)
-        self._ledger.begin(replace(entry, accepted=entry.may_act))
+        self._ledger.begin(replace(entry, accepted=entry.may_act), self._tell)
         self._action.enter(self)
 
     # -- what it is told, in the thread of the node ----------------------------------------------

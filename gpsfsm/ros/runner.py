@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import InDoubtError, LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.model.ros import Comparison, OnResume, RosCall, RosKind, RosSettings
-from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action, goal_id
-from gpsfsm.ros.ledger import OURS, Entry, Said
+from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action
+from gpsfsm.ros.ledger import OURS, Entry, Said, goal_id
 from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
 from gpsfsm.ros.node import Answer, RosError, RosNode, choose, process_node, rclpy_module
 from gpsfsm.ros.services import Service, absence, appeared
@@ -203,7 +203,7 @@ class RosRunner(Runner):
     ) -> Mapping[str, RunValue]:
         message = self._kind.Goal()
         fill(message, _filled(self._call.request, parameters), self._call.optional)
-        goal = self._client.goal(context.key, _Feedback(self._call, context))
+        goal = self._client.goal(context.key, _Feedback(self._call, context), context.log)
         context.doubt = lambda: goal.doubt
         try:
             if not await goal.send(message):
@@ -228,7 +228,7 @@ class RosRunner(Runner):
     ) -> Mapping[str, RunValue]:
         values = _filled(self._call.request, parameters)
         entry = Entry(goal_id(context.key).hex, self._who, self._resources, is_request=True)
-        OURS.begin(entry)
+        OURS.begin(entry, context.log)
         try:
             response = await self._client.ask(
                 *(values, 0, self._call.optional),

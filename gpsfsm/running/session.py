@@ -344,6 +344,8 @@ class Session:
         plan = 0 if state is None else state.plan
         kernel = prepared.kernel()
         run = Run(prepared, kernel, _Nowhere(), None, state, begun=begun)
+        if self._journal is not None:
+            run.beat = self._journal.beat
         if self._journal is None:
             text = f"{len(self._ids) + 1}\n{prepared.heading.text()}"
             run_id = hashlib.sha256(text.encode()).hexdigest()[:32]
