@@ -77,8 +77,7 @@ Example:
 
 _STATUS = """Show what became of each goal of a run in JOURNAL, by the journal alone.
 
-A goal that was open when its process ended or fell silent is UNKNOWN. Goals of earlier runs are
-shown as long as they may act.
+A goal that was open when its process ended or fell silent is UNKNOWN.
 
 Exit code: 0 no goal may act, 2 not possible, 3 a goal may still act.
 

@@ -168,15 +168,16 @@ class _Run:
         check = options.check
         library = check.described.library
         engine = fabric.release.engine
+        of_run: dict[str, Any] = {
+            **{"engine": engine, "fabric": fabric.release.name, "server": fabric.root},
+            NETWORK: settings.ros.network(os.environ),
+        }
         heading = Heading(
             plan=text,
             file=name,
             capabilities=dump(library),
             mode=FABRIC,
-            options={
-                **{"engine": engine, "fabric": fabric.release.name, "server": fabric.root},
-                NETWORK: settings.ros.network(os.environ),
-            },
+            options=of_run,
         )
         self.prepared: Prepared = prepare(heading, library, check.limits)
         reading = read_for_engine(text, engine, name, library, check.limits)

@@ -89,6 +89,7 @@ class RosKind(StrEnum):
 class OnResume(StrEnum):
     """The fate of a goal that was active when the process ended that had sent it."""
 
+    ASK = "ask"  # its result is awaited; if the server does not know it, a person is asked
     CANCEL = "cancel"  # it is cancelled, and its runner has failed
     CONTINUE = "continue"  # its result is awaited, or it is sent again if the server has lost it
 
@@ -125,9 +126,11 @@ class RosCall:
     silence_s: float = 0.0
     wait_s: float = 5.0
     probe_s: float = 2.0
-    on_resume: OnResume = OnResume.CANCEL
+    on_resume: OnResume = OnResume.ASK
 
 
+GOALS = "goals"
+"""The option of a run that goes on that holds what a person says of its goals, by their ids."""
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 NETWORK = "network"
 """The option of a run that holds ``RosSettings.network`` as it was when the run began."""

@@ -68,6 +68,16 @@ class Said(StrEnum):
 
 
 _NAMESPACE = uuid.UUID("5b0ff1a2-2f7f-4a0e-9a53-0d4d3f6a8c11")
+
+
+class Word(StrEnum):
+    """The words of a person about a goal of a process that has ended."""
+
+    SUCCEEDED = "succeeded"
+    ENDED = "ended"  # however, so that its step has failed
+    NEVER = "never"  # begun, so that it is sent again
+
+
 LOST, NEVER = "lost", "never began"
 """How entries end of which a server knows nothing any more, and which were not sent."""
 MAY_ACT = frozenset({GoalState.IN_FLIGHT, GoalState.ACCEPTED, GoalState.UNKNOWN})
@@ -211,6 +221,12 @@ class Ledger:
             if said is Said.SENT and self._stopped:
                 self.cancel(goal)
             return self._change(goal, lambda entry: after(entry, said, how))
+
+    def forget(self, goal: str) -> None:
+        """Leave a goal to others: none of ours was sent under its name."""
+        with self._lock:
+            if goal in self._entries:
+                del self._entries[goal], self._tell[goal]
 
     def stop(self) -> None:
         """Want the ends of all goals, and let no other one begin until ``release``."""

@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import InputError
+from gpsfsm.errors import InputError, UsageError
 from gpsfsm.execution.records import Kind
 from gpsfsm.execution.runner import visited
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import RosKind, RosSettings
-from gpsfsm.ros.ledger import LEDGER, MAY_ACT, GoalState, goal_id
+from gpsfsm.ros.ledger import LEDGER, MAY_ACT, GoalState, Word, goal_id
 from gpsfsm.running.prepare import FABRIC, REAL, stored
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _ENDS: dict[str, str] = {
     Kind.FAILED: "failed",
     Kind.STOPPED: "stopped",
 }
-_LONGEST = 500
+_LONGEST, _SHORTEST = 500, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,22 +57,15 @@ class StepGoal:
 
 
 def ledger_of(reader: JournalReader, silence: str, number: int | None = None) -> list[StepGoal]:
-    """The goals of a run, of the last one if none is named, after the open ones of all others.
+    """The goals of a run, of the last one if none is named; ``silence`` as of ``silence_of``.
 
     Raises GpsfsmError, also for a run whose goals are not sent from here.
     """
-    chosen = reader.run(number)
-    if chosen.mode == FABRIC or RosSettings.of(chosen.options.get("ros")).via:
-        raise InputError(f"the server that runs the steps of run {chosen.number} has their goals")
-    goals: list[StepGoal] = []
-    for run in reader.each_run():
-        if run.mode == REAL and run.number != chosen.number:
-            goals += [each for each in goals_of(reader, run, silence) if each.may_act]
-    return goals + (goals_of(reader, chosen, silence) if chosen.mode == REAL else [])
-
-
-def goals_of(reader: JournalReader, run: StoredRun, silence: str = "") -> list[StepGoal]:
-    """The goals of a run in order; ``silence`` is why nobody hears what becomes of them."""
+    run = reader.run(number)
+    if run.mode == FABRIC or RosSettings.of(run.options.get("ros")).via:
+        raise InputError(f"the server that runs the steps of run {run.number} has their goals")
+    if run.mode != REAL:
+        raise InputError(f"run {run.number} is simulated: it has sent no goal to a robot")
     why = "the run has ended" if run.status.ended else silence
     goals = fold(stored(reader, run), run, reader.events(run.number))
     return [
@@ -104,6 +97,8 @@ def _after(goal: StepGoal, row: Row) -> StepGoal:
     if row.kind == Kind.LOG:
         values = row.values
         word = "UNKNOWN" if values.get("left") == "unknown" else str(values.get(LEDGER))
+        if values.get("left") == "seen to":
+            return replace(goal, state=GoalState.ENDED)
         if word not in [*GoalState]:
             return goal
         server = clip(str(values.get("server") or goal.server), _LONGEST)
@@ -143,6 +138,22 @@ class _Maker:
             f"the {call.kind.value} {call.name}",
             described.resources,
         )
+
+
+def taken_words(goals: Iterable[StepGoal], texts: Iterable[str]) -> dict[str, str]:
+    """The words of a person about goals, ``ID=word`` each, by whole ids. Raises UsageError."""
+    open_goals = [each.goal for each in goals if each.may_act]
+    said: dict[str, str] = {}
+    for text in texts:
+        start, _, word = text.partition("=")
+        meant = [each for each in open_goals if len(start) >= _SHORTEST and each.startswith(start)]
+        if word not in [*Word]:
+            raise UsageError(f"--goal {text}: write ID=succeeded, ID=ended or ID=never")
+        if len(meant) != 1:
+            shown = ", ".join(each[:8] for each in open_goals) or "none"
+            raise UsageError(f"--goal {text}: the open goals of the run are {shown}")
+        said[meant[0]] = word
+    return said
 
 
 def status_lines(goals: Iterable[StepGoal]) -> list[str]:

@@ -241,7 +241,8 @@ def _refuse_served(reader: JournalReader, run: StoredRun) -> None:
 def _refuse_elsewhere(number: int, prepared: Prepared) -> None:
     """Raises UsageError if the robot of a run is on another network than this process."""
     options = prepared.heading.options
-    was, settings = options.get(NETWORK), RosSettings.of(options.get("ros"))
+    was: object = options.get(NETWORK)
+    settings = RosSettings.of(options.get("ros"))
     described = [prepared.library.resolve(*each).provider for each in prepared.kernel().runners]
     acts = settings.via or any(each is not None and each.ros for each in described)
     if not acts or not isinstance(was, dict):  # of an earlier gpsfsm
@@ -252,7 +253,7 @@ def _refuse_elsewhere(number: int, prepared: Prepared) -> None:
             raise UsageError(
                 f"the robot of run {number} is in another place: {name} was "
                 f"{clip(str(before or 'not set'), 200)}, and here it is {here or 'not set'}. Set "
-                "the environment as it was; nothing was written, and the run can be resumed"
+                "the environment as it was: the run can be resumed"
             )
 
 
