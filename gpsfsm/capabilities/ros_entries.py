@@ -92,7 +92,7 @@ class CallFile(FileModel):
     silence: Number = 0.0
     wait: Number = 5.0
     probe: Number = 2.0
-    on_resume: Text = OnResume.CANCEL.value
+    on_resume: Text = OnResume.ASK.value
 
 
 def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCall | None:
@@ -220,9 +220,9 @@ def _check_seconds(model: CallFile, notes: Notes) -> None:
 def _check_resume(model: CallFile, kind: RosKind, notes: Notes) -> None:
     words = [each.value for each in OnResume]
     if model.on_resume not in words:
-        hint = notes.near(model.on_resume, words) or f"write {' or '.join(words)}"
+        hint = notes.near(model.on_resume, words) or "write ask, cancel or continue"
         notes.error(model.at("on_resume"), f"{quoted(model.on_resume)} is not a choice", hint)
-    elif model.on_resume != OnResume.CANCEL.value and kind is RosKind.TRANSFORM:
+    elif model.on_resume == OnResume.CONTINUE.value and kind is RosKind.TRANSFORM:
         message = "'on_resume' has no effect for a transform"
         notes.error(model.at("on_resume"), message, "remove it")
 

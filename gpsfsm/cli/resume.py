@@ -19,6 +19,7 @@ from gpsfsm.cli._options import (
 )
 from gpsfsm.cli._running import AllowValues, allow_options, permissions
 from gpsfsm.errors import UsageError
+from gpsfsm.model.ros import GOALS
 from gpsfsm.running.bounds import PERMISSIONS, not_permitted
 from gpsfsm.streams import complain
 
@@ -44,6 +45,7 @@ class ResumeCommand(AllowValues, ModelValues, LibraryValues):
     number: int | None
     real: bool
     force: bool
+    goals: tuple[str, ...]
     durability: str
     output_format: str
     verbose: bool
@@ -67,6 +69,14 @@ class ResumeCommand(AllowValues, ModelValues, LibraryValues):
     is_flag=True,
     common=True,
     help="With --real: resume despite errors or changed capabilities.",
+)
+@declare(
+    "--goal",
+    "goals",
+    multiple=True,
+    metavar="ID=WORD",
+    help="With --real: what became of a goal that its server does not know: succeeded, ended or "
+    "never (which sends it again); may be repeated.",
 )
 @declare(
     "--durability",
@@ -97,15 +107,16 @@ def command(context: click.Context, /, **_: object) -> int:
     if not context.params["journal"]:
         raise click.UsageError(_NO_JOURNAL, context)
     values = read_values(context, ResumeCommand, _SETTINGS, named=True)
-    for name in (*PERMISSIONS, "force"):
+    for name in (*PERMISSIONS, "force", "goals"):
         if getattr(values, name) and not values.real:
-            raise UsageError(f"--{name.replace('_', '-')} needs --real")
+            raise UsageError(f"--{name.replace('_', '-').removesuffix('s')} needs --real")
     return _run(replace(values, model=run_model_settings(context, real=values.real)))
 
 
 def _run(values: ResumeCommand) -> int:
     from gpsfsm.execution.journal import Journal
     from gpsfsm.execution.journal_read import JournalReader
+    from gpsfsm.running.goals import ledger_of, taken_words
     from gpsfsm.running.interruption import Interruption
     from gpsfsm.running.model_access import model_left
     from gpsfsm.running.resumption import Resumption, refuse_empty
@@ -127,7 +138,9 @@ def _run(values: ResumeCommand) -> int:
                 complain(f"run {run.number} has ended already: {run.status.value}")
                 return exit_code(run.status, interruption)
             _refuse_surprise(run, values)
-            left.load(lambda heading: _permitted(heading, values))
+            ledger = ledger_of(reader, "", run.number) if values.goals else ()
+            said = taken_words(ledger, values.goals)
+            left.load(lambda heading: _permitted(heading, values, said))
             of_run = left.this.prepared, left.queue, stack
             model = model_left(reader, run, values.model, of_run)
             admission = _admission(left, values)
@@ -164,12 +177,13 @@ def _refuse_surprise(run: StoredRun, values: ResumeCommand) -> None:
         )
 
 
-def _permitted(heading: Heading, values: ResumeCommand) -> Heading:
-    """The heading with what this command allows, whatever the journal says."""
+def _permitted(heading: Heading, values: ResumeCommand, said: dict[str, str]) -> Heading:
+    """The heading with what this command allows and says of goals, whatever the journal says."""
     options: dict[str, Any] = {
         name: each for name, each in heading.options.items() if name not in PERMISSIONS
     }
-    return replace(heading, options=options | permissions(values, values.library.allow or ()))
+    options |= permissions(values, values.library.allow or ())
+    return replace(heading, options=options | {GOALS: said})
 
 
 def _admission(left: Resumption, values: ResumeCommand) -> Admission:

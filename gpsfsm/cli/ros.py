@@ -14,8 +14,8 @@ from gpsfsm.cli._gating import (
     settled,
     task_option,
 )
-from gpsfsm.cli._help import CommandGroup, Section, declare, declare_file
-from gpsfsm.cli._options import LibraryValues, NumberRange, library_options, read_values
+from gpsfsm.cli._help import ANY_PATH, CommandGroup, Section, declare, declare_file
+from gpsfsm.cli._options import LibraryValues, NumberRange, Values, library_options, read_values
 from gpsfsm.cli._running import LogValues, log_options, ros_option, ros_settings
 
 if TYPE_CHECKING:
@@ -37,6 +37,14 @@ class RosStopCommand(LibraryValues):
     """The options of ``gpsfsm ros stop``."""
 
     ros_args: Sequence[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RosStatusCommand(Values):
+    """The options of ``gpsfsm ros status``."""
+
+    journal: str
+    number: int | None
 
 
 _ROS = """Run ROS 2 nodes beside those of a robot, and stop it.
@@ -65,6 +73,17 @@ Exit code: 0 all servers have ended their goals, 2 no server was seen, 3 a goal 
 \b
 Example:
   gpsfsm ros stop --robot robot.yaml
+"""
+
+_STATUS = """Show what became of each goal of a run in JOURNAL, by the journal alone.
+
+A goal that was open when its process ended or fell silent is UNKNOWN.
+
+Exit code: 0 no goal may act, 2 not possible, 3 a goal may still act.
+
+\b
+Example:
+  gpsfsm ros status run.db
 """
 
 command = CommandGroup(
@@ -141,3 +160,29 @@ def _stop(context: click.Context, /, **_: object) -> int:
 
     capabilities = values.library
     return stop_all(capabilities.library, ros_settings(capabilities, values.ros_args))
+
+
+@command.command("status", help=_STATUS, short_help="Show the goals of a run.")
+@click.argument("journal", metavar="JOURNAL", type=ANY_PATH)
+@declare(
+    "--run",
+    "number",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Run number in the journal. [default: the last]",
+)
+@click.pass_context
+def _status(context: click.Context, /, **_: object) -> int:
+    """Run ``gpsfsm ros status``."""
+    values = read_values(context, RosStatusCommand)
+    from gpsfsm.execution.journal_file import silence_of
+    from gpsfsm.execution.journal_read import JournalReader
+    from gpsfsm.ros.ledger import IN_DOUBT
+    from gpsfsm.running.goals import ledger_of, status_lines
+    from gpsfsm.streams import Form, to_stdout
+
+    silence = silence_of(values.journal)  # first: it lets go of the locks of this process
+    with JournalReader(values.journal) as reader:
+        goals = ledger_of(reader, silence, values.number)
+    to_stdout("".join(f"{line}\n" for line in status_lines(goals)), Form.TEXT)
+    return IN_DOUBT if any(each.may_act for each in goals) else 0

@@ -8,6 +8,7 @@ has a deadline.
 from __future__ import annotations
 
 import json
+import os
 import queue
 import time
 from contextlib import ExitStack, suppress
@@ -25,6 +26,7 @@ from gpsfsm.execution.records import Status
 from gpsfsm.gating import Gate
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import Report
+from gpsfsm.model.ros import NETWORK
 from gpsfsm.report import RenderOptions, render
 from gpsfsm.ros.fabric import EVENTS, PUBLIC, WAIT_S, Code, Fabric, subscribe
 from gpsfsm.ros.node import RosError, RosNode
@@ -166,12 +168,16 @@ class _Run:
         check = options.check
         library = check.described.library
         engine = fabric.release.engine
+        of_run: dict[str, Any] = {
+            **{"engine": engine, "fabric": fabric.release.name, "server": fabric.root},
+            NETWORK: settings.ros.network(os.environ),
+        }
         heading = Heading(
             plan=text,
             file=name,
             capabilities=dump(library),
             mode=FABRIC,
-            options={"engine": engine, "fabric": fabric.release.name, "server": fabric.root},
+            options=of_run,
         )
         self.prepared: Prepared = prepare(heading, library, check.limits)
         reading = read_for_engine(text, engine, name, library, check.limits)

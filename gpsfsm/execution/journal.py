@@ -262,6 +262,10 @@ class Journal:
             raise journal_error(error, self.path, "written", begun=self._begun) from error
         return result
 
+    def beat(self) -> None:
+        """Give a sign of life while a run goes on in which nothing happens."""
+        self._lease.beat()
+
     def close(self) -> None:
         """Move everything into the one file and let another process write."""
         moved = False

@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import os
 import sqlite3
+import time
 from contextlib import closing, suppress
 from enum import StrEnum
 from functools import cache
@@ -351,6 +352,11 @@ class Lease:
             ) from error
         _LEASED.add(self._identity)
 
+    def beat(self) -> None:
+        """Give a sign of life, for ``silence_of``."""
+        with suppress(OSError):
+            os.utime(beside(self._path, "-lock"))
+
     def _close(self) -> None:
         if self._file >= 0:
             _LEASED.discard(self._identity)
@@ -363,6 +369,34 @@ class Lease:
         with suppress(sqlite3.Error):
             self._connection.close()
 
+
+def silence_of(path: str) -> str:
+    """The reason why what a journal says of now may be out of date; "" if its writer lives.
+
+    Not for a process that has the journal open: closing a file lets go of all of its locks on it.
+    """
+    import fcntl
+
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        try:
+            fcntl.lockf(file, fcntl.LOCK_SH | fcntl.LOCK_NB, 1, _LOCKED_BYTE)
+        finally:
+            os.close(file)
+    except BlockingIOError:
+        with suppress(OSError):
+            silent_s = abs(time.time() - Path(beside(path, "-lock")).stat().st_mtime)
+            if silent_s <= _SILENT_S:
+                return ""
+            return f"its process has given no sign of life for {silent_s:.0f} s"
+        return "its process gives no sign of life"
+    except OSError:
+        pass  # whoever reads it says so
+    return "no process writes to the journal any more"
+
+
+_SILENT_S = 5.0
+"""Without a sign of life for so long a process that goes on with a run counts as silent."""
 
 _LEASED: set[tuple[int, int]] = set()
 """Devices and numbers of the files that this process has locked: it would get a lock twice."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.lane import Action, Lane, Residents, on_loop
 from gpsfsm.execution.records import Input, Kind, Start
-from gpsfsm.execution.replay import Adopting, may_go_on, settle, take_up
+from gpsfsm.execution.replay import Adopting, is_wanted, settle, take_up
 from gpsfsm.execution.runner import (
     InDoubtError,
     RunContext,
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 _SECOND = 1_000_000
 _LONGEST = 1e9  # seconds: some thirty years
-_MAX_LINES = 1_000  # that one instance may log
+_MAX_LINES = 1_000  # that one instance may log, besides what becomes of its goal
 _LOOK_S = 0.05
 _NOT_CLEARED = "what it may still do outside could not be stopped: "
 _LATE = "what was cut off has answered, which changes nothing"
@@ -294,18 +294,58 @@ class RealtimeDriver(Adopting):
                 partial(self._again, runner, pending),
             )
         await self._wait_until(lambda: not pending, 2 * self._load_s * (len(left.loaded) + 1))
-        stale = {
-            start.number: start
-            for start in left.active
-            if not may_go_on(self.kernel, start, self._is_idempotent)
-        }
+        repeatable = await self._repeatable(left)
+        stale = {each.number: each for each in left.active if each.number not in repeatable}
         self._cleared = {*stale}
         for start in [*stale.values()]:  # all at once: a robot is not to move meanwhile
             self._clear_up(start, partial(stale.pop, start.number))
         await self._wait_until(lambda: not stale, 4 * self._grace_s)
         if self._unreached and not left.cancel:
-            raise GpsfsmError(f"the run does not go on, and can be resumed: {self._unreached[0]}")
-        settle(self, left, self._is_idempotent)
+            reasons = "\n  ".join(dict.fromkeys(self._unreached))
+            raise GpsfsmError(f"the run does not go on, and can be resumed: {reasons}")
+        settle(self, left, repeatable)
+
+    async def _repeatable(self, left: Left) -> set[int]:
+        """The instances that may be asked again, as their runners say: they may ask outside."""
+        pending = {each.number for each in left.active if is_wanted(self.kernel, each)}
+        repeatable: set[int] = set()
+
+        def answered(start: Start, value: Any, error: BaseException | None) -> None:
+            if start.number in pending:
+                pending.remove(start.number)
+                if value is True:
+                    repeatable.add(start.number)
+                elif isinstance(error, InDoubtError):
+                    element = self._context(start, lambda *_: None).element
+                    self._log(start.number, element, said(error), {"left": "unknown"})
+                    self._unreached.append(str(error))
+                    repeatable.add(start.number)  # nothing is stopped of it either
+
+        for start in [each for each in left.active if each.number in pending]:
+            self._ask_repeat(start, partial(answered, start))
+        await self._wait_until(lambda: not pending, 4 * self._grace_s)
+        return repeatable
+
+    def _ask_repeat(
+        self, start: Start, answered: Callable[[Any, BaseException | None], None]
+    ) -> None:
+        resident = self._residents[self.kernel.runners[start.runner]]
+        runner = None if resident is None else resident.runner
+        if resident is None or runner is None:
+            answered(False, None)  # what is left of it is seen to
+            return
+        key = self._context(start, lambda *_: None).key
+        action = Action(
+            resident.lane,
+            lambda: runner.may_repeat(key),
+            lambda *answer: self._post(lambda: answered(*answer)),
+        )
+
+        def too_slow() -> None:
+            action.cut_off()
+            answered(None, InDoubtError(f"it took more than {2 * self._grace_s:g} s to ask"))
+
+        self._later(2 * self._grace_s, too_slow)
 
     def drop(self, start: Start) -> None:
         """The same, after the runner has seen to what the instance may still do outside."""
@@ -354,10 +394,6 @@ class RealtimeDriver(Adopting):
         if problem:
             self._not_again = problem
             self._log(-1, "", f"{self.kernel.runners[runner][1]} is not loaded again: {problem}")
-
-    def _is_idempotent(self, runner: int) -> bool:
-        resident = self._residents[self.kernel.runners[runner]]
-        return resident is not None and bool(getattr(resident.runner, "idempotent", False))
 
     # -- commands of the kernel -------------------------------------------------------------
 
@@ -513,9 +549,9 @@ class RealtimeDriver(Adopting):
         """Take a line of a runner, in its thread; of one instance at most a thousand."""
         outputs = checked(dict(data)) if data else {}
         acting.lines += 1
-        if acting.lines > _MAX_LINES + 1:
+        if acting.lines > _MAX_LINES + 1 and "ledger" not in outputs:  # which is short, and needed
             return
-        many = acting.lines > _MAX_LINES
+        many = acting.lines > _MAX_LINES and "ledger" not in outputs
         line = "it logs too much: no more of it" if many else clean(str(text), 10_000)
         kept = {} if many else outputs
         self._post(lambda: self._log(acting.number, acting.context.element, line, kept))

@@ -13,7 +13,7 @@ from gpsfsm.execution.journal_rows import RowMaker, input_of, line
 from gpsfsm.execution.records import MARKS, Input, Kind, Left, Start, Status
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Container, Iterable, Sequence
 
     from gpsfsm.execution.host import Sink
     from gpsfsm.execution.journal_rows import Row
@@ -214,17 +214,16 @@ def take_up(host: Adopting, left: Left) -> None:
         host.deliver(Input(Kind.BEGIN))
 
 
-def may_go_on(kernel: Kernel, start: Start, idempotent: Callable[[int], bool]) -> bool:
-    """True if an instance that was active when its process ended may be asked again."""
-    wanted = kernel.status is Status.RUNNING and not kernel.is_stopping(start.number)
-    return wanted and idempotent(start.runner)
+def is_wanted(kernel: Kernel, start: Start) -> bool:
+    """True if an instance that was active when its process ended is to have an outcome yet."""
+    return kernel.status is Status.RUNNING and not kernel.is_stopping(start.number)
 
 
-def settle(host: Adopting, left: Left, idempotent: Callable[[int], bool]) -> None:
+def settle(host: Adopting, left: Left, repeatable: Container[int]) -> None:
     """See to the instances of a run that was taken up, once the runners are ready (for ``adopt``).
 
-    ``idempotent`` tells of a runner whether it may be asked again. Those instances are started
-    again with the same key, unless the run does not need them any more; the others have failed.
+    ``repeatable`` are the instances that may be asked again. Those are started again with the same
+    key, unless the run does not need them any more; the others have failed.
     Runners that were being loaded are loaded. What was to stop has stopped with its process; if
     that was because its time was over, it has failed.
     """
@@ -233,7 +232,7 @@ def settle(host: Adopting, left: Left, idempotent: Callable[[int], bool]) -> Non
         number = start.number
         if kernel.is_stopping(number):
             host.deliver(Input(Kind.STOPPED, number, message=_ENDED))
-        elif may_go_on(kernel, start, idempotent):
+        elif is_wanted(kernel, start) and number in repeatable:
             again.append(start)
         elif kernel.status is Status.RUNNING:
             message = "the process ended while it was active"

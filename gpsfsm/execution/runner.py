@@ -143,6 +143,15 @@ class Runner(ABC):
     async def stop(self) -> None:  # noqa: B027
         """Release all resources: the runner is unloaded."""
 
+    async def may_repeat(self, key: str) -> bool:
+        """True if an action that was active when its process ended may be asked again.
+
+        Called in the process that continues the run, before anything else happens in it. Raise
+        InDoubtError if only a person can say: the run does not go on then, and can be resumed.
+        """
+        del key
+        return self.idempotent
+
     async def left(self, key: str) -> str:
         """Stop what an action may still do outside after its process has ended.
 

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gpsfsm.late import dataclass, pattern
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from gpsfsm.model.plan import Value
 
     Filling = Value | tuple["Filling", ...]
@@ -87,6 +89,7 @@ class RosKind(StrEnum):
 class OnResume(StrEnum):
     """The fate of a goal that was active when the process ended that had sent it."""
 
+    ASK = "ask"  # its result is awaited; if the server does not know it, a person is asked
     CANCEL = "cancel"  # it is cancelled, and its runner has failed
     CONTINUE = "continue"  # its result is awaited, or it is sent again if the server has lost it
 
@@ -123,9 +126,14 @@ class RosCall:
     silence_s: float = 0.0
     wait_s: float = 5.0
     probe_s: float = 2.0
-    on_resume: OnResume = OnResume.CANCEL
+    on_resume: OnResume = OnResume.ASK
 
 
+GOALS = "goals"
+"""The option of a run that goes on that holds what a person says of its goals, by their ids."""
+_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+NETWORK = "network"
+"""The option of a run that holds ``RosSettings.network`` as it was when the run began."""
 DISCOVERY = {"localhost": "LOCALHOST", "subnet": "SUBNET", "off": "OFF"}
 """Who finds a node, by the word of a robot profile, as ROS 2 calls it."""
 
@@ -172,6 +180,29 @@ class RosSettings:
             "doubt_s": None if self.doubt_s == DOUBT_S else self.doubt_s,
         }
         return {name: value for name, value in values.items() if value not in (None, "", [])}
+
+    def network(self, environment: Mapping[str, str]) -> dict[str, str]:
+        """The network on which a node has these settings in effect, in this environment.
+
+        >>> RosSettings(discovery="localhost").network({"ROS_DOMAIN_ID": "7"})
+        {'domain': '7', 'namespace': '/', 'discovery': 'LOCALHOST', 'rmw': 'rmw_fastrtps_cpp'}
+        """
+        space = self.namespace
+        for argument in self.arguments:
+            space = argument.removeprefix("__ns:=") if argument.startswith("__ns:=") else space
+        discovery = DISCOVERY.get(self.discovery) or environment.get(_RANGE) or "SUBNET"
+        if environment.get("ROS_LOCALHOST_ONLY") == "1":  # the older one comes first in rcl
+            discovery = "LOCALHOST"
+        domain = environment.get("ROS_DOMAIN_ID") or "0"
+        values = {
+            "domain": domain if self.domain is None else str(self.domain),
+            "namespace": f"/{space.strip('/')}",
+            "discovery": discovery.upper(),
+            "rmw": environment.get("RMW_IMPLEMENTATION") or "rmw_fastrtps_cpp",
+            "peers": environment.get("ROS_STATIC_PEERS", ""),
+            "discovery server": environment.get("ROS_DISCOVERY_SERVER", ""),
+        }
+        return {name: value for name, value in values.items() if value}
 
     @classmethod
     def of(cls, data: object) -> RosSettings:

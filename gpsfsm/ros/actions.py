@@ -27,13 +27,15 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import InDoubtError
 from gpsfsm.model.ros import OnResume
-from gpsfsm.ros.ledger import NEVER, OURS, Entry, GoalState, Ledger, Said
+from gpsfsm.ros.ledger import LOST, NEVER, OURS, Entry, GoalState, Ledger, Said, goal_id
 from gpsfsm.ros.node import Answer, RosError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
+    from gpsfsm.execution.records import RunValue
     from gpsfsm.model.ros import RosCall
+    from gpsfsm.ros.ledger import Tell
     from gpsfsm.ros.node import RosNode
 
 UNKNOWN, SUCCEEDED, CANCELED, ABORTED = 0, 4, 5, 6
@@ -56,16 +58,18 @@ _AGAIN_S = 0.5
 _ASK_S, _SOON_S = 2.0, 0.2
 _ACCEPT_S = 10.0
 """What a server may take at most to accept a goal, before it is asked whether it has it."""
-_NAMESPACE = uuid.UUID("5b0ff1a2-2f7f-4a0e-9a53-0d4d3f6a8c11")
 
 
 class GoneError(RosError):
     """The server of a goal has lost it, or says nothing of it any more: it does not act."""
 
 
-def goal_id(key: str) -> uuid.UUID:
-    """The id of the goal of an action of a run: the same after a resume."""
-    return uuid.uuid5(_NAMESPACE, key)
+class ForgottenError(GoneError):
+    """The status topic says how a goal has ended, and its server has forgotten the result."""
+
+    def __init__(self, how: str) -> None:
+        super().__init__(f"its server says that the goal has {how}, and has forgotten the rest")
+        self.how = how
 
 
 class Action:
@@ -104,9 +108,17 @@ class Action:
         self._timer.cancel()
         self._closing = False
 
-    def goal(self, key: str, feedback: Callable[[Any], None] = lambda _: None) -> Goal:
-        """A goal of this name; ``feedback`` gets each message of it, in the thread of the node."""
-        return Goal(self, key, feedback)
+    def goal(
+        self,
+        key: str,
+        feedback: Callable[[Any], None] = lambda _: None,
+        tell: Tell = lambda *_: None,
+    ) -> Goal:
+        """A goal of this name; ``feedback`` gets each message of it, in the thread of the node.
+
+        ``tell`` gets the lines of the ledger about it.
+        """
+        return Goal(self, key, feedback, tell)
 
     def servers(self) -> frozenset[bytes]:
         """The servers on the graph, by the ids of their status topics."""
@@ -166,12 +178,14 @@ class _Question:
 class Goal:
     """A goal of ours."""
 
-    def __init__(self, action: Action, key: str, feedback: Callable[[Any], None]) -> None:
+    def __init__(
+        self, action: Action, key: str, feedback: Callable[[Any], None], tell: Tell
+    ) -> None:
         self._action, self._node, self._call = action, action.node, action.call
         self._ledger = action.ledger
         self._id = goal_id(key)
         self.name = self._id.hex
-        self._feedback = feedback
+        self._feedback, self._tell = feedback, tell
         self._handle = self._handle_of(self._id)
         self._message: Any = None
         self._result: Any = None  # the response with status and result
@@ -182,6 +196,7 @@ class Goal:
         self._heard = self._fed = time.monotonic()
         self._silent_since = self._cancelled = 0.0
         self._is_answered = True
+        self._missed = 0.0  # since when the server does not know it
         self._loop = asyncio.get_running_loop()
         self._news = asyncio.Event()
 
@@ -197,10 +212,14 @@ class Goal:
 
     def _begin(self, state: GoalState = GoalState.NOT_SENT) -> None:
         who, resources = f"the action {self._call.name}", self._action.resources
-        may_repeat = self._call.on_resume is OnResume.CONTINUE
+        may_repeat = self._call.on_resume is not OnResume.CANCEL
         entry = Entry(self.name, who, resources, may_repeat=may_repeat, state=state)
-        self._ledger.begin(replace(entry, accepted=entry.may_act))
+        entry = replace(entry, accepted=state is GoalState.ACCEPTED)
+        self._ledger.begin(entry, self._line)
         self._action.enter(self)
+
+    def _line(self, text: str, data: Mapping[str, RunValue]) -> None:
+        self._tell(text, data)
 
     # -- what it is told, in the thread of the node ----------------------------------------------
 
@@ -316,8 +335,10 @@ class Goal:
         if question.attempt == self._attempt:
             if question.in_new:
                 said = Said.ABSENT_IN_NEW
-            elif question.accepted or not self._attempt:  # of a process that has ended
+            elif question.accepted:
                 said = Said.ABSENT
+            elif not self._attempt:  # of a process that has ended
+                self._missed = self._missed or time.monotonic()
             elif self._refused:
                 said, how = Said.REJECTED, "rejected"
         self._take(said, how)
@@ -428,7 +449,7 @@ class Goal:
         if self._result is not None:
             return int(self._result.status), self._result.result
         if how in _ENDS.values():
-            raise GoneError(f"its server says that the goal has {how}, and has forgotten the rest")
+            raise ForgottenError(how)
         if how == NEVER:
             raise GoneError("the goal was not sent, since the robot is being stopped")
         raise GoneError("the server was restarted and has lost the goal")
@@ -467,6 +488,42 @@ class Goal:
         """The same for a goal that a process which has ended may have sent."""
         await self._ask(lambda: self._begin(GoalState.ACCEPTED))  # it may have been
         return await self.cancel(within_s)
+
+    async def is_there(self, within_s: float) -> bool:
+        """True if the server has a goal of a process that has ended, or its result.
+
+        It is followed from then on. False if the server does not know it: it has never had it, or
+        has forgotten it. The status topic may still have it then, which keeps the last message.
+        Raises InDoubtError without a sign of life.
+        """
+        await self._ask(lambda: self._begin(GoalState.IN_FLIGHT))
+        await self._ask(self._ask_result)
+        end = time.monotonic() + within_s
+        while (entry := self.entry).may_act and not entry.accepted:
+            if self._missed:
+                if time.monotonic() - self._missed > _ASK_S:
+                    await self._ask(lambda: self._take(Said.ENDED, LOST))
+                await self._news_within(_SOON_S)
+            elif await self._news_within(min(self._call.probe_s, _ASK_S)):
+                continue
+            elif await self._is_alive():
+                await self._ask(lambda: self._take(Said.ACCEPTED))  # it works on it
+            elif time.monotonic() > end:
+                await self._ask(self.let_go)
+                raise InDoubtError(f"{entry.who} does not answer")
+        return entry.how != LOST
+
+    def let_go(self) -> None:
+        """Leave a goal alone that ``is_there``; in the thread of the node."""
+        self._ledger.forget(self.name)
+
+    async def follow(self, message: Any, feedback: Callable[[Any], None], tell: Tell) -> None:
+        """Go on with a goal that ``is_there``, as if it had been sent here."""
+        self._message, self._feedback, self._tell = message, feedback, tell
+        self._fed = time.monotonic()
+        await self._ask(self._keep_feedback)
+        if self.entry.may_act:
+            tell(*self.entry.line)
 
     async def _is_alive(self) -> bool:
         """True if the server gives a sign of life. Raises InDoubtError after ``doubt_s`` without.

@@ -21,16 +21,24 @@ A request to a service is an entry as well; it cannot be cancelled.
 from __future__ import annotations
 
 import threading
+import uuid
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
+
+    from gpsfsm.execution.records import RunValue
+
+    Tell = Callable[[str, Mapping[str, RunValue]], object]
 
 _MOST_ENDED = 200
 """Entries that are kept after their ends."""
 
+
+LEDGER = "ledger"
+"""The name of a state in the data of a line of a journal."""
 
 IN_DOUBT = 3
 """The exit code if a goal on the robot may still act."""
@@ -59,10 +67,26 @@ class Said(StrEnum):
     ABSENT_IN_NEW = "absent in new"  # and neither does one that has appeared since
 
 
+_NAMESPACE = uuid.UUID("5b0ff1a2-2f7f-4a0e-9a53-0d4d3f6a8c11")
+
+
+class Word(StrEnum):
+    """The words of a person about a goal of a process that has ended."""
+
+    SUCCEEDED = "succeeded"
+    ENDED = "ended"  # however, so that its step has failed
+    NEVER = "never"  # begun, so that it is sent again
+
+
 LOST, NEVER = "lost", "never began"
 """How entries end of which a server knows nothing any more, and which were not sent."""
 MAY_ACT = frozenset({GoalState.IN_FLIGHT, GoalState.ACCEPTED, GoalState.UNKNOWN})
 """States in which something may act on the robot, or begin to."""
+
+
+def goal_id(key: str) -> uuid.UUID:
+    """The id of the goal of an action of a run: the same after a resume."""
+    return uuid.uuid5(_NAMESPACE, key)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +131,14 @@ class Entry:
             return f"{where}: its server does not answer, so whether it acts is unknown"
         return ""
 
+    @property
+    def line(self) -> tuple[str, dict[str, RunValue]]:
+        """The line about it in the journal, for people and for programs."""
+        what = "request" if self.is_request else f"goal {self.goal[:8]}"
+        text = self.words if self.state is not GoalState.ACCEPTED else f"the {what} was accepted"
+        text = text or f"the {what} to {self.who}: {self.how or 'it is sent again'}"
+        return text, {LEDGER: self.state.value, "goal": self.goal, "server": self.who}
+
 
 def after(entry: Entry, said: Said, how: str = "") -> Entry:
     """An entry after an observation. Ends are final: what comes late or twice changes nothing."""
@@ -135,25 +167,36 @@ def after(entry: Entry, said: Said, how: str = "") -> Entry:
     return entry
 
 
+def is_news(before: GoalState, now: GoalState) -> bool:
+    """True if a journal needs a line about a change: its rows about steps tell of the others.
+
+    A step that has started may have sent its goal; one that has ended says that its goal has ended,
+    unless that was unknown before.
+    """
+    telling = (GoalState.ACCEPTED, GoalState.UNKNOWN, GoalState.NOT_SENT)
+    return now is not before and (now in telling or before is GoalState.UNKNOWN)
+
+
 def _ended(entry: Entry, how: str) -> Entry:
     return replace(entry, state=GoalState.ENDED, how=how)
 
 
 class Ledger:
-    """The entries of one process; may be used by all of its threads.
-
-    ``watchers`` are called with each entry that changes, in the thread in which it does.
-    """
+    """The entries of one process; may be used by all of its threads."""
 
     def __init__(self) -> None:
         self._entries: dict[str, Entry] = {}
         self._lock = threading.RLock()
         self._stopped = False
-        self.watchers: list[Callable[[Entry], object]] = []
+        self._tell: dict[str, Tell] = {}
 
-    def begin(self, entry: Entry) -> None:
-        """Enter a goal before it is sent; one that is entered already keeps what is known of it."""
+    def begin(self, entry: Entry, tell: Tell = lambda *_: None) -> None:
+        """Enter a goal before it is sent; one that is entered already keeps what is known of it.
+
+        ``tell`` gets the lines about it for the journal, in the thread in which it changes.
+        """
         with self._lock:
+            self._tell[entry.goal] = tell
             before = self._entries.get(entry.goal)
             if before is None or not before.may_act:
                 self._entries.pop(entry.goal, None)
@@ -161,7 +204,7 @@ class Ledger:
             over = GoalState.ENDED
             ended = [each.goal for each in self._entries.values() if each.state is over]
             for goal in ended[:-_MOST_ENDED]:
-                del self._entries[goal]
+                del self._entries[goal], self._tell[goal]
 
     def __getitem__(self, goal: str) -> Entry:
         with self._lock:
@@ -179,6 +222,12 @@ class Ledger:
                 self.cancel(goal)
             return self._change(goal, lambda entry: after(entry, said, how))
 
+    def forget(self, goal: str) -> None:
+        """Leave a goal to others: none of ours was sent under its name."""
+        with self._lock:
+            if goal in self._entries:
+                del self._entries[goal], self._tell[goal]
+
     def stop(self) -> None:
         """Want the ends of all goals, and let no other one begin until ``release``."""
         with self._lock:
@@ -192,7 +241,7 @@ class Ledger:
             self._stopped = False
             for entry in self.open():
                 if entry.is_request and entry.state is GoalState.UNKNOWN:
-                    self._entries[entry.goal] = _ended(entry, LOST)
+                    self._change(entry.goal, lambda entry: _ended(entry, LOST))
 
     def cancel(self, goal: str) -> Entry:
         """Want its end from now on."""
@@ -202,9 +251,8 @@ class Ledger:
         with self._lock:
             before = self._entries[goal]
             entry = self._entries[goal] = change(before)
-        if entry != before:
-            for watcher in [*self.watchers]:
-                watcher(entry)
+            if is_news(before.state, entry.state):
+                self._tell[goal](*entry.line)
         return entry
 
     def open(self) -> list[Entry]:

@@ -8,6 +8,7 @@ and fewer later, so that neither a long drive nor a chatty server fills it.
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import math
 import operator
 import time
@@ -16,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import InDoubtError, LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.model.ros import Comparison, OnResume, RosCall, RosKind, RosSettings
-from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action, goal_id
-from gpsfsm.ros.ledger import OURS, Entry, Said
+from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action, ForgottenError, Goal
+from gpsfsm.ros.ledger import OURS, Entry, GoalState, Said, Word, goal_id
 from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
 from gpsfsm.ros.node import Answer, RosError, RosNode, choose, process_node, rclpy_module
 from gpsfsm.ros.services import Service, absence, appeared
@@ -51,11 +52,13 @@ _LEFT_S = 4.0
 class Services:
     """The services of ROS runners in a run: who does what on the robot.
 
+    ``said`` are the words of a person about goals of a process that has ended, by their ids;
     ``settings`` say where it is: they are those of the node of this process from now on.
     """
 
     settings: RosSettings
     library: Library
+    said: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         choose(self.settings)
@@ -100,6 +103,8 @@ class RosRunner(Runner):
         self._kind: Any = None
         self._who = ""
         self._resources: frozenset[str] = frozenset()
+        self._said: Mapping[str, str] = {}
+        self._there: dict[str, Goal] = {}  # goals of a process before, by their keys
 
     @classmethod
     def unavailable(cls, described: Provider) -> str:
@@ -122,6 +127,7 @@ class RosRunner(Runner):
         self.idempotent = reads or call.on_resume is OnResume.CONTINUE
         self._node = node = await asyncio.to_thread(process_node)
         self._resources = services.resources(context.interface, context.provider)
+        self._said = services.said
         self._who = f"the {call.kind.value} {call.name}"
         try:
             if call.kind is RosKind.TRANSFORM:
@@ -166,6 +172,8 @@ class RosRunner(Runner):
         if isinstance(client, Service):
             await client.close()
         elif isinstance(client, Action) and self._node is not None:
+            for goal in self._there.values():
+                self._node.call(goal.let_go)
             await asyncio.to_thread(self._node.do, client.close)
 
     async def run(
@@ -179,6 +187,8 @@ class RosRunner(Runner):
             RosKind.TRANSFORM: self._look_up,
         }[self._call.kind]
         deadline = self._call.deadline_s
+        if self._is_done(context):
+            return {}
         try:
             async with asyncio.timeout(deadline or None):
                 return await act(parameters, context)
@@ -187,8 +197,39 @@ class RosRunner(Runner):
         except RosError as error:
             raise RunnerError(f"{self._who}: {error}") from None
 
+    async def may_repeat(self, key: str) -> bool:
+        """True if it is to be followed or sent again, or if a person says that it has succeeded."""
+        kind, on_resume, name = self._call.kind, self._call.on_resume, goal_id(key).hex
+        if kind is RosKind.ACTION and on_resume is not OnResume.CANCEL:
+            goal: Goal = self._client.goal(key)
+            if await goal.is_there(_LEFT_S):
+                self._there[key] = goal
+                return True
+        if kind in (RosKind.TOPIC, RosKind.TRANSFORM) or on_resume is not OnResume.ASK:
+            return self.idempotent
+        if word := self._said.get(name):
+            return word != Word.ENDED
+        why = "does not know it" if kind is RosKind.ACTION else "cannot be asked"
+        raise InDoubtError(
+            f"{self._who}: nobody knows what became of {name[:8]}, since its server {why}; look at "
+            f"the robot, and add --goal {name[:8]}=succeeded, ended or never (which sends it again)"
+        )
+
+    def _is_done(self, context: RunContext) -> bool:
+        """True if a person has said that a process before has done it."""
+        name = goal_id(context.key).hex
+        if context.key in self._there or self._said.get(name) != Word.SUCCEEDED:
+            return False
+        entry = Entry(name, self._who, state=GoalState.ENDED, how="a person says it has succeeded")
+        context.log(*entry.line)
+        return True
+
     async def left(self, key: str) -> str:
         """Cancel the goal that a process which has ended had sent."""
+        if said := self._said.get(goal_id(key).hex, ""):
+            return f"{self._who}: a person says that it has {said}"
+        if self._call.kind is RosKind.SERVICE:
+            raise RunnerError("a request cannot be withdrawn")
         if self._call.kind is not RosKind.ACTION:
             return ""
         problem = await self._client.goal(key).cancel_left(_LEFT_S)
@@ -203,12 +244,19 @@ class RosRunner(Runner):
     ) -> Mapping[str, RunValue]:
         message = self._kind.Goal()
         fill(message, _filled(self._call.request, parameters), self._call.optional)
-        goal = self._client.goal(context.key, _Feedback(self._call, context))
+        feedback, left = _Feedback(self._call, context), self._there.pop(context.key, None)
+        goal: Goal = left or self._client.goal(context.key, feedback, context.log)
         context.doubt = lambda: goal.doubt
         try:
-            if not await goal.send(message):
+            if left is not None:
+                await goal.follow(message, feedback, context.log)
+            elif not await goal.send(message):
                 raise RunnerError(f"{self._who} has rejected the goal")
             status, result = await goal.result()
+        except ForgottenError as error:
+            if error.how != "succeeded" or self._call.success or self._call.outputs:
+                raise
+            return {}
         except InDoubtError:
             goal.abandon()
             raise
@@ -228,7 +276,7 @@ class RosRunner(Runner):
     ) -> Mapping[str, RunValue]:
         values = _filled(self._call.request, parameters)
         entry = Entry(goal_id(context.key).hex, self._who, self._resources, is_request=True)
-        OURS.begin(entry)
+        OURS.begin(entry, context.log)
         try:
             response = await self._client.ask(
                 *(values, 0, self._call.optional),

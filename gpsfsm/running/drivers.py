@@ -14,7 +14,7 @@ from gpsfsm.model.capability import CHOICE, OWN
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.labels import action
 from gpsfsm.model.printable import clip
-from gpsfsm.model.ros import CAPABILITIES2, RosSettings
+from gpsfsm.model.ros import CAPABILITIES2, GOALS, RosSettings
 from gpsfsm.model.story import Vocabulary
 from gpsfsm.running.interruption import Interruption
 from gpsfsm.running.prepare import DRAWN, SCENARIO, WORLD, texts
@@ -399,7 +399,8 @@ def real_driver(
     services: dict[str, Any] = {name: texts(options, key) for key, name in _SERVICES.items()}
     services |= {"prompts": prompts, "specs": specs(prepared.library)}
     robot = RosSettings.of(options.get("ros"))
-    services["ros"] = Services(robot, prepared.library)
+    spoken: Any = options.get(GOALS, {})
+    services["ros"] = Services(robot, prepared.library, spoken)
     if plans is not None:
         services["plans"] = plans
     if model is not None:

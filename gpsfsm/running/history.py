@@ -23,6 +23,7 @@ from gpsfsm.execution.queue_rows import in_order, recall
 from gpsfsm.execution.records import Status
 from gpsfsm.execution.replay import Comparing, simulate_again
 from gpsfsm.model.printable import clip
+from gpsfsm.model.ros import GOALS
 from gpsfsm.running.bounds import max_plans_of, policy_of
 from gpsfsm.running.drivers import MAPPED, Shared, simulated_driver
 from gpsfsm.running.pace import Pace
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 FOLLOWS = "follows"
 """The option of a run that names the one before it in the same world."""
 
-OF_ONE_RUN = frozenset((FOLLOWS, "begun_us", "pose", "closed_zones"))
+OF_ONE_RUN = frozenset((FOLLOWS, "begun_us", "pose", "closed_zones", GOALS))
 """Options that say how things stood when a run began: no other run has them."""
 
 Notify = Callable[[str], object]

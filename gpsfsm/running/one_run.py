@@ -132,6 +132,7 @@ class Run:
     begun: Begun | None = None
     again: Comparing | None = None
     steps: list[StepTaker] = field(default_factory=list)
+    beat: Callable[[], object] = lambda: None  # gives a sign of life to who reads the journal
 
     @property
     def is_new(self) -> bool:
@@ -249,7 +250,7 @@ class LiveRun:
             if run.begun is None and self._interruption.paused:
                 driver.deliver(Input(Kind.PAUSE))  # a pause outlasts the plan before
             if not kernel.status.ended:
-                ticker = asyncio.create_task(_ticking(driver, observer))
+                ticker = asyncio.create_task(_ticking(driver, observer, run.beat))
                 try:
                     await driver.run()
                 finally:
@@ -266,9 +267,12 @@ def _left() -> list[str]:
     return [each.words for each in OURS.open() if not each.is_request]
 
 
-async def _ticking(driver: RealtimeDriver, observer: RunObserver) -> None:
+async def _ticking(
+    driver: RealtimeDriver, observer: RunObserver, beat: Callable[[], object]
+) -> None:
     """Tell the time of the run now and then, for ever."""
     while True:
+        beat()
         await asyncio.sleep(_TICK_S)
         observer.tick(driver.now_us())
 

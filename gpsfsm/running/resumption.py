@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,8 @@ from gpsfsm.execution.chain import Chains
 from gpsfsm.execution.journal_errors import DamagedJournalError, EmptyJournalError
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.queue import QueueKind
+from gpsfsm.model.printable import clip
+from gpsfsm.model.ros import NETWORK, RosSettings
 from gpsfsm.running.admission import Refused, as_text
 from gpsfsm.running.bounds import policy_of
 from gpsfsm.running.drivers import real_maker
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     from gpsfsm.running.history import Begun, Notify, StoredQueue, Unfinished
     from gpsfsm.running.interruption import Interruption
     from gpsfsm.running.one_run import Observer
+    from gpsfsm.running.prepare import Prepared
 
 
 class Resumption:
@@ -113,6 +117,7 @@ class Resumption:
     ) -> Session:
         """The session that goes on. Raises GpsfsmError if that is not possible."""
         if self.base.mode == REAL and not self.run.status.ended:
+            _refuse_elsewhere(self.run.number, self.this.prepared)
             real_maker(self.this.prepared, model, runners, admission.advice)
         before = self._earlier
         if self.queue is not None:
@@ -231,6 +236,25 @@ def _refuse_served(reader: JournalReader, run: StoredRun) -> None:
             "'gpsfsm serve --real' with this journal: it cancels the plan that was running, and "
             "starts nothing until the queue is released"
         )
+
+
+def _refuse_elsewhere(number: int, prepared: Prepared) -> None:
+    """Raises UsageError if the robot of a run is on another network than this process."""
+    options = prepared.heading.options
+    was: object = options.get(NETWORK)
+    settings = RosSettings.of(options.get("ros"))
+    described = [prepared.library.resolve(*each).provider for each in prepared.kernel().runners]
+    acts = settings.via or any(each is not None and each.ros for each in described)
+    if not acts or not isinstance(was, dict):  # of an earlier gpsfsm
+        return
+    now = settings.network(os.environ)
+    for name in dict.fromkeys((*was, *now)):
+        if (before := was.get(name)) != (here := now.get(name)):
+            raise UsageError(
+                f"the robot of run {number} is in another place: {name} was "
+                f"{clip(str(before or 'not set'), 200)}, and here it is {here or 'not set'}. Set "
+                "the environment as it was: the run can be resumed"
+            )
 
 
 def _refuse_other_worlds(path: str, queue: StoredQueue, plan: int) -> None:

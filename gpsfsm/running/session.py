@@ -21,6 +21,7 @@ from gpsfsm.execution.queue import Ending
 from gpsfsm.execution.queues import LiveQueue, VirtualQueue
 from gpsfsm.execution.records import Status
 from gpsfsm.execution.replay import Comparing
+from gpsfsm.model.ros import NETWORK, RosSettings
 from gpsfsm.running.bounds import max_plans_of, policy_of
 from gpsfsm.running.drivers import (
     Shared,
@@ -98,6 +99,8 @@ class OneWorld:
         options: dict[str, Any] = dict(base.options)
         if self._ids and base.mode == REAL:
             options["nonce"] = os.urandom(8).hex()
+        if base.mode == REAL:
+            options[NETWORK] = RosSettings.of(options.get("ros")).network(os.environ)
         if self._ids and base.mode == WORLD:
             options["follows"] = self._ids[-1]
         return replace(base, seed=base.seed + plan - 1, options=options)
@@ -344,6 +347,8 @@ class Session:
         plan = 0 if state is None else state.plan
         kernel = prepared.kernel()
         run = Run(prepared, kernel, _Nowhere(), None, state, begun=begun)
+        if self._journal is not None:
+            run.beat = self._journal.beat
         if self._journal is None:
             text = f"{len(self._ids) + 1}\n{prepared.heading.text()}"
             run_id = hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -206,9 +206,9 @@ def is_feedback(record: Record) -> bool:
 
 
 def is_running_news(record: Record) -> bool:
-    """True for what a runner says again and again while it acts: how far it is, and where."""
-    on_map = record.kind is Kind.LOG and bool(record.data) and _MAP in (record.data or {})
-    return is_feedback(record) or on_map
+    """True for what a runner says as long as all is well: how far it is, where, and accepted."""
+    data = (record.data or {}) if record.kind is Kind.LOG else {}
+    return is_feedback(record) or _MAP in data or data.get("ledger") == "ACCEPTED"
 
 
 _UNITS = {"_m_per_s": ("m/s", 2), "_m": ("m", 1), "_s": ("s", 0), "_percent": ("%", 0)}

@@ -16,7 +16,7 @@ from gpsfsm.execution.queue import PlanService
 from gpsfsm.execution.realtime import RealtimeDriver
 from gpsfsm.execution.records import Kind, Status
 from gpsfsm.execution.replay import resume_into
-from gpsfsm.execution.runner import Runner, RunnerError
+from gpsfsm.execution.runner import InDoubtError, Runner, RunnerError
 from tests.execution.realtiming import WAIT_S, messages, runner
 from tests.execution.support import Listing, compiled_of
 
@@ -101,6 +101,25 @@ def test_a_run_whose_runners_cannot_be_loaded_again_can_be_resumed_later() -> No
 
     with pytest.raises(GpsfsmError, match=r"can be resumed: what it still does .*: no power"):
         asyncio.run(resumed(rows, make))
+
+
+class Asks(Acts):
+    """Nobody but a person can say what became of it."""
+
+    async def may_repeat(self, key: str) -> bool:
+        raise InDoubtError(f"what became of {key}?")
+
+    async def left(self, key: str) -> str:
+        raise AssertionError("nothing is stopped of what is asked about")
+
+
+def test_a_run_waits_for_a_person_about_each_action_that_only_one_can_judge() -> None:
+    rows = asyncio.run(interrupted([]))
+    keys: list[str] = []
+    both = r"(?s)can be resumed: what became of r:\S*Runner\[.\]\?\n  what became of r:\S*\?$"
+    with pytest.raises(GpsfsmError, match=both):
+        asyncio.run(resumed(rows, lambda name, _: Asks(name, keys, 0.01)))
+    assert not keys, "nothing acts"
 
 
 def test_cancelling_while_it_is_taken_over() -> None:

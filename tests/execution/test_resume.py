@@ -143,7 +143,9 @@ class Toy(Adopting):
         self.at_us = left.at_us
         self.done.append(("adopt", len(left.loaded)))
         take_up(self, left)
-        settle(self, left, lambda runner: self.kernel.runners[runner][0] in self._idempotent)
+        names = [self.kernel.runners[start.runner][0] for start in left.active]
+        repeatable = zip(left.active, names, strict=True)
+        settle(self, left, {each.number for each, name in repeatable if name in self._idempotent})
 
 
 PARALLEL = """<Plan>

@@ -249,7 +249,7 @@ def test_a_resumed_run_awaits_the_goal_that_is_under_way(ros: Domain) -> None:
 
 
 def test_a_resumed_run_cancels_what_is_not_to_go_on(ros: Domain) -> None:
-    folder = provider_file(ros, "", ("  on_resume: continue\n", ""))
+    folder = provider_file(ros, "  on_resume: cancel\n")
     server = ros.server("nav2", "--speed", "0.1")
     steps = plan(ros, waypoint(3.0, provider=MINE), recovery(LOG))
     goal = killed_in_a_drive(ros, server, steps, "--capabilities", folder)
@@ -261,11 +261,13 @@ def test_a_resumed_run_cancels_what_is_not_to_go_on(ros: Domain) -> None:
 
 
 def test_a_resumed_run_sends_a_goal_again_that_the_server_has_lost(ros: Domain) -> None:
+    folder = provider_file(ros, "  on_resume: continue\n")
     server = ros.server("nav2", "--speed", "0.1")
-    goal = killed_in_a_drive(ros, server, plan(ros, waypoint(2.0)))
+    steps = plan(ros, waypoint(2.0, provider=MINE))
+    goal = killed_in_a_drive(ros, server, steps, "--capabilities", folder)
     ros.kill(server.process)
     again = ros.server("nav2")
-    ended = ros.gpsfsm("resume", "--real", "run.db")
+    ended = ros.gpsfsm("resume", "--real", "run.db", "--capabilities", folder)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert again.wait_for("result", id=goal)["status"] == "succeeded"
 

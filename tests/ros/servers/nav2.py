@@ -1,8 +1,9 @@
 """Nav2, as its clients see it: two actions, the robot's pose in TF, a map.
 
-    python -m tests.ros.servers.nav2 [--tf map|chain|odom|none] [--map] [--ros-args -r __ns:=/robot]
+    python -m tests.ros.servers.nav2 [--tf map|chain|odom|none] [--map] [--forget 10]
+        [--ros-args -r __ns:=/robot]
 
-The robot moves straight to its goal. Commands:
+The robot moves straight to its goal. Results are kept for ``--forget`` seconds. Commands:
 
 - ``next``: the next goal is rejected, is aborted after half of its distance, or hangs there;
 - ``drive``: the speed in metres per second, and null for a robot that is there at once;
@@ -58,6 +59,7 @@ class Navigation(FakeServer):
         self.missed: list[int] = []
         self.cancels_are_accepted = True
         self.thinks = 0.0
+        self._forgets = options.forget
         self._active: dict[str, Any] = {}
         self._of_goal: dict[str, dict[str, Any]] = {}
         self._tree = TREES[options.tf]
@@ -136,6 +138,7 @@ class Navigation(FakeServer):
             handle_accepted_callback=accepted,
             cancel_callback=cancelled,
             callback_group=self.group,
+            result_timeout=self._forgets,
         )
         self.keep(server)
 
@@ -293,6 +296,7 @@ def options_of(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--tf", choices=TREES, default="map")
     parser.add_argument("--map", action="store_true")
     parser.add_argument("--speed", type=float, default=2.0)
+    parser.add_argument("--forget", type=int, default=10)
     return parser.parse_args(words)
 
 
