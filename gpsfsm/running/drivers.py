@@ -392,14 +392,14 @@ def real_driver(
     from gpsfsm.capabilities.describe import specs
     from gpsfsm.execution.prompts import FillsWritten, PromptBuffers
     from gpsfsm.execution.realtime import RealtimeDriver  # loads asyncio
-    from gpsfsm.ros.runner import Services
+    from gpsfsm.ros.runner import Listening, RosRunner, Services
     from gpsfsm.ros.telemetry import Telemetry
 
     options, prompts = prepared.heading.options, PromptBuffers()
     services: dict[str, Any] = {name: texts(options, key) for key, name in _SERVICES.items()}
     services |= {"prompts": prompts, "specs": specs(prepared.library)}
     robot = RosSettings.of(options.get("ros"))
-    services["ros"] = Services(robot, prepared.library)
+    services["ros"] = ros = Services(robot, prepared.library)
     if plans is not None:
         services["plans"] = plans
     if model is not None:
@@ -418,5 +418,10 @@ def real_driver(
     )
     fills = FillsWritten(kernel, prompts, maker.runner_class)
     fills.take(rows)
-    driver.watchers += [fills, Telemetry(kernel, prepared.heading.file, driver.now_us)]
+    ours = [key for key in kernel.runners if maker.runner_class(*key) is RosRunner]
+    driver.watchers += [
+        fills,
+        Telemetry(kernel, prepared.heading.file, driver.now_us),
+        Listening(ros, ours, lambda: kernel.status.ended),
+    ]
     return driver
