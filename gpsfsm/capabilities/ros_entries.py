@@ -130,11 +130,7 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
     before = len(notes.defects)
     kind = kinds[0]
     name = "" if kind is RosKind.TRANSFORM else getattr(model, kind.value)
-    _check_names(model, kind, name, notes)
-    _check_use(model, kind, notes)
-    _check_fields(model, provider, notes)
-    _check_seconds(model, notes)
-    _check_resume(model, kind, notes)
+    _check(model, kind, name, provider, notes)
     parameters = {each.name for each in provider.configuration}
     parameters |= {each.name for each in provider.inputs}
     request = _request(model, parameters, notes)
@@ -172,6 +168,14 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
         probe_s=model.probe,
         on_resume=OnResume(model.on_resume),
     )
+
+
+def _check(model: CallFile, kind: RosKind, name: str, provider: Provider, notes: Notes) -> None:
+    _check_names(model, kind, name, notes)
+    _check_use(model, kind, notes)
+    _check_fields(model, provider, notes)
+    _check_seconds(model, notes)
+    _check_resume(model, kind, notes)
 
 
 def _check_names(model: CallFile, kind: RosKind, name: str, notes: Notes) -> None:

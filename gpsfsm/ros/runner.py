@@ -10,11 +10,14 @@ from __future__ import annotations
 import asyncio
 import math
 import operator
+import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.errors import GpsfsmError
+from gpsfsm.execution.records import Status
 from gpsfsm.execution.runner import InDoubtError, LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.model.ros import Comparison, OnResume, RosCall, RosKind, RosSettings
 from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action, goal_id
@@ -22,13 +25,14 @@ from gpsfsm.ros.ledger import OURS, Entry, Said
 from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
 from gpsfsm.ros.node import Answer, RosError, RosNode, choose, process_node, rclpy_module
 from gpsfsm.ros.services import Service, absence, appeared
-from gpsfsm.ros.topics import Step, Subscription, Topics, ahead, check_conditions
+from gpsfsm.ros.topics import Step, Subscription, Topics, check_conditions
 from gpsfsm.ros.transforms import Transforms
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from gpsfsm.capabilities.library import Library
+    from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import RunValue
     from gpsfsm.model.capability import Provider
     from gpsfsm.model.ros import Condition
@@ -94,24 +98,33 @@ class Services:
 
 
 class Listening:
-    """A watcher of a run, whose subscriptions live as long as it. ``keys`` are their runners."""
+    """A watcher of a run, whose subscriptions live as long as it.
+
+    ``runner_class`` gives the class of a runner, by interface and provider.
+    """
 
     def __init__(
-        self, services: Services, keys: Sequence[tuple[str, str]], is_over: Callable[[], bool]
+        self, services: Services, kernel: Kernel, runner_class: Callable[[str, str], type[Runner]]
     ) -> None:
-        self._services, self._is_over = services, is_over
-        calls = {key: services.call(*key) for key in keys}
-        self._calls = {key: call for key, call in calls.items() if call.kind is RosKind.TOPIC}
+        self._services, self._kernel, self._runner_class = services, kernel, runner_class
+        self._begun = False
 
     def __call__(self, *_: object) -> None:
         """Subscribe as the run begins, let go as it ends."""
-        if self._is_over():
+        if self._kernel.status.ended:
             self._services.topics.close()
-        elif self._calls:
-            calls, self._calls = self._calls, {}
-            ahead(
-                lambda: [self._services.topics.of(process_node(), *each) for each in calls.items()]
-            )
+        elif not self._begun and self._kernel.status is Status.RUNNING:
+            self._begun = True
+            threading.Thread(target=self._open, name="ros topics").start()
+
+    def _open(self) -> None:
+        for key in self._kernel.runners:
+            with suppress(GpsfsmError):  # the step that needs it says what is wrong
+                if self._runner_class(*key) is not RosRunner:
+                    continue
+                call = self._services.call(*key)
+                if call.kind is RosKind.TOPIC:
+                    self._services.topics.of(process_node(), key, call)
 
 
 def _last_part(name: str) -> str:
@@ -162,6 +175,7 @@ class RosRunner(Runner):
             else:
                 key = context.interface, context.provider
                 self._client = await asyncio.to_thread(services.topics.of, node, key, call)
+                self._kind = self._client.kind
         except RosError as error:
             raise RunnerError(str(error)) from None
 
@@ -285,7 +299,10 @@ class RosRunner(Runner):
             return _missed(message, until, parameters)
 
         def listen() -> Any:
-            check_conditions(topic.new_message(), until, lambda value: _value(value, parameters))
+            check_conditions(topic.kind(), until, lambda value: _value(value, parameters))
+            if lost := topic.lost():
+                line = f"{lost} messages of {topic.name} before this step were too many to be kept"
+                context.log(line, {"topic": topic.name, "lost": lost})
             return topic.listen(step)
 
         step = self._steps[context.key] = Step(lacks)

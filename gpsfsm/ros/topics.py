@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from gpsfsm.errors import GpsfsmError
 from gpsfsm.model.ros import Comparison, Durability, Reliability
 from gpsfsm.ros.messages import definition, first_definition, kind_at
 from gpsfsm.ros.node import RosError
@@ -34,11 +33,11 @@ _MOST_BYTES = 16_000_000
 """Of messages that wait for a watch to look at them."""
 _RECENT = 64
 _Word = TypeVar("_Word", Reliability, Durability)
-_NUMBERS = ("int", "uint", "float", "double")
+_NUMBERS = ("int", "uint", "float", "double", "char")
 
 
 class Offer(NamedTuple):
-    """What a publisher offers: its definition and its quality of service."""
+    """The offer of a publisher: its definition and its quality of service."""
 
     kind: str
     reliability: Reliability
@@ -46,7 +45,7 @@ class Offer(NamedTuple):
 
 
 def matched(offers: Sequence[Offer], kinds: Sequence[str], requested: Quality) -> Offer:
-    """What a subscription has to ask for, so that all publishers of its definition reach it.
+    """The request of a subscription with which all publishers of its definition reach it.
 
     Of ``kinds`` it is the first that is offered. Where nobody publishes it is what any publisher
     satisfies, so that one who sends a message as soon as there is a subscription is heard.
@@ -130,8 +129,8 @@ class Silence:
                 return f"{topic} has a publisher, but no message has come"
             case Cause.TOO_OLD:
                 return f"the last message of {topic} was {self.age_s:.3g} s old"
-        count = "the message" if self.messages == 1 else f"none of {self.messages} messages"
-        return f"{count} of {topic} meets 'until', the last has {self.lacks}"
+        count = "none of 1 message" if self.messages == 1 else f"none of {self.messages} messages"
+        return f"{count} of {topic} fits, the last has {self.lacks}"
 
 
 # --- the messages that a step gets ----------------------------------------------------------------
@@ -184,7 +183,7 @@ class Inbox:
         self._seen = max(self._seen, message.number)
 
     def before(self, now_s: float, *, state: bool) -> list[Message]:
-        """What a step that begins may take, in the order in which it came."""
+        """The messages that a step which begins may take, in the order in which they came."""
         if state:
             return [*self._kept][-1:]
         fresh = [each for each in self._kept if each.number > self._seen]
@@ -201,7 +200,7 @@ def stamp_s(message: Any) -> float | None:
 def check_conditions(
     message: Any, sets: Iterable[Iterable[Condition]], value: Callable[[Any], Any]
 ) -> None:
-    """Refuse conditions that no message can fulfil, since a watch would wait for ever.
+    """Refuse comparisons that hold of no message, for which a watch would wait for ever, or of all.
 
     Raises RosError. ``value`` gives what an operand stands for.
     """
@@ -214,8 +213,9 @@ def check_conditions(
             fits = isinstance(wanted, bool)
         else:
             fits = isinstance(wanted, str)
-        if not fits or not (is_number or comparison in (Comparison.IS, Comparison.IS_NOT)):
-            raise RosError(f"'until' can never hold: {field} is a {kind}, not {wanted!r}")
+        ordered = comparison not in (Comparison.IS, Comparison.IS_NOT)
+        if not fits or "[all]" in field or (ordered and not is_number):
+            raise RosError(f"'until' compares {field}, a {kind}, with {comparison} {wanted!r}")
 
 
 class Step:
@@ -230,17 +230,20 @@ class Step:
         self.messages, self.last = 0, ""
         self.age_s: float | None = None
 
+    def refuse(self, last: str) -> bool:
+        """Note what a message lacks: False, it does not take it."""
+        self.last, self.age_s = last, None
+        return False
+
     def offer(self, message: Any, age_s: float, max_age_s: float) -> bool:
         """True if it takes a message."""
-        self.heard_s = time.monotonic()
-        self.messages += 1
         self.age_s = age_s if max_age_s and age_s > max_age_s else None
-        if self.age_s is None:
-            self.last = self.lacks(message)
-            if not self.last:
-                self.message.set_result(message)
-                return True
-        return False
+        if self.age_s is not None:
+            return False
+        if lacks := self.lacks(message):
+            return self.refuse(lacks)
+        self.message.set_result(message)
+        return True
 
 
 # --- subscriptions --------------------------------------------------------------------------------
@@ -283,10 +286,11 @@ class Subscription:
         while self._handles:
             handle.destroy_subscription(self._handles.pop())
 
-    def new_message(self) -> Any:
-        """A message of the definition that the robot has."""
+    @property
+    def kind(self) -> Any:
+        """The definition that the robot has."""
         assert self._wanted is not None
-        return self._kinds[self._wanted.kind]()
+        return self._kinds[self._wanted.kind]
 
     def look(self) -> None:
         """Ask for what is offered now."""
@@ -337,10 +341,12 @@ class Subscription:
     def _handed(self, step: Step, message: Message) -> bool:
         from rclpy.serialization import deserialize_message
 
+        step.heard_s = time.monotonic()
+        step.messages += 1
         try:
             read = deserialize_message(message.content, message.kind)
-        except Exception as error:
-            raise RosError(f"a message of {self.name} cannot be read: {error}") from None
+        except Exception:  # its definition is of another version
+            return step.refuse(f"bytes that are no {message.kind.__name__}")
         age_s = self._now_s() - message.at_s
         if self._call.max_age_s and (stamp := stamp_s(read)) is not None:
             now = self._node.handle.get_clock().now().nanoseconds / 1e9
@@ -368,7 +374,7 @@ class Subscription:
         self._steps = [each for each in self._steps if each is not step]
 
     def lost(self) -> int:
-        """How many messages before a watch could not be kept, once."""
+        """The number of messages before a watch that could not be kept, once."""
         lost, self._inbox.lost = self._inbox.lost, 0
         return lost
 
@@ -400,7 +406,7 @@ class Topics:
         self._over = False
 
     def of(self, node: RosNode, key: tuple[str, str], call: RosCall) -> Subscription:
-        """That of a runner. Raises RosError. Not for the thread of the node."""
+        """The subscription of a runner. Raises RosError. Not for the thread of the node."""
         with self._lock:
             if key not in self._made and not self._over:
                 made = Subscription(node, call)
@@ -417,15 +423,3 @@ class Topics:
             for node, made in self._made.values():
                 node.call(made.close)
             self._made.clear()
-
-
-def ahead(open_all: Callable[[], object]) -> None:
-    """Open subscriptions in a thread; what goes wrong is said by the step that needs them."""
-
-    def work() -> None:
-        try:
-            open_all()
-        except GpsfsmError:
-            return
-
-    threading.Thread(target=work, name="ros topics").start()

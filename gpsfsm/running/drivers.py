@@ -392,7 +392,7 @@ def real_driver(
     from gpsfsm.capabilities.describe import specs
     from gpsfsm.execution.prompts import FillsWritten, PromptBuffers
     from gpsfsm.execution.realtime import RealtimeDriver  # loads asyncio
-    from gpsfsm.ros.runner import Listening, RosRunner, Services
+    from gpsfsm.ros.runner import Listening, Services
     from gpsfsm.ros.telemetry import Telemetry
 
     options, prompts = prepared.heading.options, PromptBuffers()
@@ -418,10 +418,9 @@ def real_driver(
     )
     fills = FillsWritten(kernel, prompts, maker.runner_class)
     fills.take(rows)
-    ours = [key for key in kernel.runners if maker.runner_class(*key) is RosRunner]
     driver.watchers += [
         fills,
         Telemetry(kernel, prepared.heading.file, driver.now_us),
-        Listening(ros, ours, lambda: kernel.status.ended),
+        Listening(ros, kernel, maker.runner_class),
     ]
     return driver

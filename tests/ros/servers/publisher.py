@@ -2,8 +2,8 @@
 
     python -m tests.ros.servers.publisher
 
-``advertise`` makes a publisher, ``publish`` sends a message once, ``repeat`` sends it from now on so
-many times a second, ``withdraw`` ends a publisher.
+``advertise`` makes a publisher, ``publish`` sends a message once, ``repeat`` sends it from now on
+so many times a second, ``withdraw`` ends a publisher.
 """
 
 from __future__ import annotations
