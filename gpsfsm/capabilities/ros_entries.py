@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import re
 from math import isfinite, nan
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import BeforeValidator, Field
 
 from gpsfsm.capabilities.defects import Notes, quoted
 from gpsfsm.capabilities.reading import (
     FileModel,
-    Flag,
     Items,
     MappingOf,
     Number,
@@ -25,7 +24,18 @@ from gpsfsm.capabilities.reading import (
     Texts,
     wrong,
 )
-from gpsfsm.model.ros import WHOLE, Comparison, Condition, OnResume, RosCall, RosKind, steps
+from gpsfsm.model.ros import (
+    WHOLE,
+    Comparison,
+    Condition,
+    Durability,
+    OnResume,
+    Quality,
+    Reliability,
+    RosCall,
+    RosKind,
+    steps,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -41,8 +51,11 @@ _PICKS = "first, last, all, or best by FIELD"
 _FOLDERS = {RosKind.ACTION: "action", RosKind.SERVICE: "srv", RosKind.TOPIC: "msg"}
 _DEADLINES = {RosKind.SERVICE: 30.0, RosKind.TOPIC: 30.0, RosKind.TRANSFORM: 5.0}
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage",)
+_OF_A_TOPIC = ("until", "qos", "max_age")
 _OF_A_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _LONGEST = 1e6  # seconds
+_DEEPEST = 1_000  # messages that a subscription keeps until they are taken
+_Word = TypeVar("_Word", Reliability, Durability)
 
 
 def _types(node: object) -> object:
@@ -70,6 +83,14 @@ def _alternatives(node: object) -> object:
     return list(tables)
 
 
+class QosFile(FileModel):
+    """``qos``: what is requested of a topic in place of what its publishers offer."""
+
+    reliability: Text = ""
+    durability: Text = ""
+    depth: Number = 10.0
+
+
 class CallFile(FileModel):
     """``ros``: what the runner does on a robot."""
 
@@ -87,7 +108,9 @@ class CallFile(FileModel):
     pose: Text = ""
     success: Annotated[list[Table], BeforeValidator(_alternatives)] = Field(default_factory=list)
     message: Text = ""
-    latched: Flag = False
+    until: Annotated[list[Table], BeforeValidator(_alternatives)] = Field(default_factory=list)
+    qos: QosFile | None = None
+    max_age: Number | None = None
     deadline: Number | None = None
     silence: Number = 0.0
     wait: Number = 5.0
@@ -107,23 +130,23 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
     before = len(notes.defects)
     kind = kinds[0]
     name = "" if kind is RosKind.TRANSFORM else getattr(model, kind.value)
-    _check_names(model, kind, name, notes)
-    _check_fields(model, kind, provider, notes)
-    _check_seconds(model, notes)
-    _check_resume(model, kind, notes)
+    _check(model, kind, name, provider, notes)
     parameters = {each.name for each in provider.configuration}
     parameters |= {each.name for each in provider.inputs}
     request = _request(model, parameters, notes)
-    success = [
-        tuple(_condition(field, table, parameters, notes) for field in table)
-        for table in model.success
-    ]
+    qos = _quality(model.qos, notes)
+    success, until = (
+        tuple(
+            tuple(_condition(field, table, parameters, notes) for field in table) for table in sets
+        )
+        for sets in (model.success, model.until)
+    )
     for frame in (each for pair in model.transform for each in pair):
         if frame.startswith("$"):
             _check_parameter(frame, parameters, model.at("transform"), notes)
     if len(notes.defects) > before:
         return None
-    deadline = model.deadline
+    usual = 0.0 if model.until else _DEADLINES.get(kind, 0.0)
     return RosCall(
         kind=kind,
         name=name,
@@ -136,13 +159,23 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
         success=tuple(tuple(filter(None, each)) for each in success),
         message=model.message,
         frames=tuple(model.transform),
-        latched=model.latched,
-        deadline_s=_DEADLINES.get(kind, 0.0) if deadline is None else deadline,
+        until=tuple(tuple(filter(None, each)) for each in until),
+        qos=qos,
+        max_age_s=model.max_age or 0.0,
+        deadline_s=usual if model.deadline is None else model.deadline,
         silence_s=model.silence,
         wait_s=model.wait,
         probe_s=model.probe,
         on_resume=OnResume(model.on_resume),
     )
+
+
+def _check(model: CallFile, kind: RosKind, name: str, provider: Provider, notes: Notes) -> None:
+    _check_names(model, kind, name, notes)
+    _check_use(model, kind, notes)
+    _check_fields(model, provider, notes)
+    _check_seconds(model, notes)
+    _check_resume(model, kind, notes)
 
 
 def _check_names(model: CallFile, kind: RosKind, name: str, notes: Notes) -> None:
@@ -169,23 +202,32 @@ def _article(kind: RosKind) -> str:
     return "an action" if kind is RosKind.ACTION else f"a {kind.value}"
 
 
-def _check_fields(model: CallFile, kind: RosKind, provider: Provider, notes: Notes) -> None:
+def _check_use(model: CallFile, kind: RosKind, notes: Notes) -> None:
+    of_a_watch = () if model.until else ("feedback", "pose")
     unused = {
-        RosKind.ACTION: ("latched",),
-        RosKind.SERVICE: ("latched", "feedback", "pose", "silence"),
-        RosKind.TOPIC: ("request", "optional", "feedback", "pose", "silence"),
-        RosKind.TRANSFORM: ("request", "optional", "feedback", "pose", "silence", "success"),
+        RosKind.ACTION: _OF_A_TOPIC,
+        RosKind.SERVICE: (*_OF_A_TOPIC, "feedback", "pose", "silence"),
+        RosKind.TOPIC: ("request", "optional", *of_a_watch),
+        RosKind.TRANSFORM: (
+            *_OF_A_TOPIC,
+            *("request", "optional", "feedback", "pose", "silence", "success"),
+        ),
     }[kind]
     for key in unused:
         if getattr(model, key):
-            message = f"{quoted(key)} has no effect for {_article(kind)}"
+            without = " without 'until'" if kind is RosKind.TOPIC and key in of_a_watch else ""
+            message = f"{quoted(key)} has no effect for {_article(kind)}{without}"
             notes.error(model.at(key), message, "remove it")
+
+
+def _check_fields(model: CallFile, provider: Provider, notes: Notes) -> None:
     for key in ("request", "optional"):
         for field in getattr(model, key):
             if not _FIELD.fullmatch(field):
                 hint = "write a.b, or a[].b for each item of a list"
                 notes.error(model.at(key), f"{quoted(field)} is not a field", hint)
     read = [("success", field) for table in model.success for field in table]
+    read += [("until", field) for table in model.until for field in table]
     read += [
         (key, field) for key in ("outputs", "feedback") for field in getattr(model, key).values()
     ]
@@ -194,7 +236,7 @@ def _check_fields(model: CallFile, kind: RosKind, provider: Provider, notes: Not
         if not (_is_read(field) or (key == "outputs" and field == WHOLE)):
             hint = f"write a.b, a[] for a length, or a[first].b ({_PICKS})"
             notes.error(model.at(key), f"{quoted(field)} is not a field", hint)
-    if kind is RosKind.TRANSFORM:
+    if model.transform:
         for name, field in model.outputs.items():
             if field not in _OF_A_POSE:
                 message = f"a transform has no {quoted(field)}"
@@ -208,13 +250,15 @@ def _check_fields(model: CallFile, kind: RosKind, provider: Provider, notes: Not
 
 
 def _check_seconds(model: CallFile, notes: Notes) -> None:
-    for key in ("deadline", "silence", "wait", "probe"):
+    for key in ("deadline", "silence", "wait", "probe", "max_age"):
         seconds = getattr(model, key)
         if seconds is not None and not 0 <= seconds <= _LONGEST:
             message = f"{quoted(key)} must be from 0 to {_LONGEST:g} seconds"
             notes.error(model.at(key), message, "write seconds")
-    if model.probe <= 0:
-        notes.error(model.at("probe"), "'probe' must be more than 0", "write seconds")
+    for key in ("probe", "max_age"):
+        seconds = getattr(model, key)
+        if seconds is not None and seconds <= 0:
+            notes.error(model.at(key), f"{quoted(key)} must be more than 0", "write seconds")
 
 
 def _check_resume(model: CallFile, kind: RosKind, notes: Notes) -> None:
@@ -225,6 +269,32 @@ def _check_resume(model: CallFile, kind: RosKind, notes: Notes) -> None:
     elif model.on_resume == OnResume.CONTINUE.value and kind is RosKind.TRANSFORM:
         message = "'on_resume' has no effect for a transform"
         notes.error(model.at("on_resume"), message, "remove it")
+
+
+def _quality(model: QosFile | None, notes: Notes) -> Quality:
+    if model is None:
+        return Quality()
+
+    if not (1 <= model.depth <= _DEEPEST and model.depth % 1 == 0):
+        message = f"'depth' must be a whole number from 1 to {_DEEPEST}"
+        notes.error(model.at("depth"), message, "write how many messages are kept")
+        return Quality()
+    return Quality(
+        _word(model, "reliability", Reliability, notes),
+        _word(model, "durability", Durability, notes),
+        int(model.depth),
+    )
+
+
+def _word(model: QosFile, key: str, words: type[_Word], notes: Notes) -> _Word | None:
+    text, choices = getattr(model, key), [each.value for each in words]
+    if not text:
+        return None
+    if text not in choices:
+        hint = notes.near(text, choices) or f"write {' or '.join(choices)}"
+        notes.error(model.at(key), f"{quoted(text)} is not a {key}", hint)
+        return None
+    return words(text)
 
 
 def _is_read(path: str) -> bool:

@@ -35,7 +35,16 @@ from gpsfsm.model.capability import (
     ValueType,
 )
 from gpsfsm.model.event import Event
-from gpsfsm.model.ros import Comparison, Condition, OnResume, RosCall, RosKind
+from gpsfsm.model.ros import (
+    Comparison,
+    Condition,
+    Durability,
+    OnResume,
+    Quality,
+    Reliability,
+    RosCall,
+    RosKind,
+)
 from gpsfsm.streams import to_stderr
 
 if TYPE_CHECKING:
@@ -186,8 +195,11 @@ _READERS: dict[type[Any], dict[str, Callable[[Any], Any]]] = {
         "on_resume": OnResume,
         "request": _deep,
         "success": _conditions,
+        "until": _conditions,
+        "qos": _one(Quality),
         **dict.fromkeys(("outputs", "feedback", "frames"), _rows),
     },
+    Quality: {"reliability": Reliability, "durability": Durability},
 }
 
 

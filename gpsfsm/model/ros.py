@@ -94,6 +94,29 @@ class OnResume(StrEnum):
     CONTINUE = "continue"  # its result is awaited, or it is sent again if the server has lost it
 
 
+class Reliability(StrEnum):
+    """The promise of a publisher about messages that get lost."""
+
+    RELIABLE = "reliable"
+    BEST_EFFORT = "best_effort"
+
+
+class Durability(StrEnum):
+    """The fate of a message for those who subscribe after it: kept for them, or not."""
+
+    VOLATILE = "volatile"
+    TRANSIENT_LOCAL = "transient_local"
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """The quality of service that a subscription requests; None: whatever its publishers offer."""
+
+    reliability: Reliability | None = None
+    durability: Durability | None = None
+    depth: int = 10
+
+
 @dataclass(frozen=True, slots=True)
 class RosCall:
     """One exchange with a robot: a goal, a request, a message, a transform.
@@ -104,10 +127,11 @@ class RosCall:
     ``outputs`` and ``feedback`` are names and the fields that they come from; ``pose`` is the field
     of the feedback with the pose of the robot. ``success`` are sets of conditions, one of which has
     to hold whole, and ``message`` is the field that says why none does. ``frames`` are pairs of a
-    frame and the frame that is looked up in it, tried in order. ``latched``: the topic keeps its
-    last message for those who come late. Seconds: ``deadline_s`` for all of it, ``silence_s``
-    without feedback, ``wait_s`` for the server to appear, ``probe_s`` for a sign of life; 0 means
-    without limit.
+    frame and the frame that is looked up in it, tried in order. A topic has the rest: ``until`` are
+    sets of conditions, one of which the message has to fulfil that is waited for, ``qos`` is the
+    quality of service. Seconds: ``deadline_s`` for all of it, ``silence_s`` without feedback or
+    messages, ``wait_s`` for the server to appear, ``probe_s`` for a sign of life, ``max_age_s``
+    that a message may be old; 0 means without limit, and for ``max_age_s`` what docs/ros.md says.
     """
 
     kind: RosKind
@@ -121,7 +145,9 @@ class RosCall:
     success: tuple[tuple[Condition, ...], ...] = ()
     message: str = ""
     frames: tuple[tuple[str, str], ...] = ()
-    latched: bool = False
+    until: tuple[tuple[Condition, ...], ...] = ()
+    qos: Quality = Quality()
+    max_age_s: float = 0.0
     deadline_s: float = 0.0
     silence_s: float = 0.0
     wait_s: float = 5.0

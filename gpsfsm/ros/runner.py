@@ -8,13 +8,16 @@ and fewer later, so that neither a long drive nor a chatty server fills it.
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 import math
 import operator
+import threading
 import time
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.errors import GpsfsmError
+from gpsfsm.execution.records import Status
 from gpsfsm.execution.runner import InDoubtError, LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.model.ros import Comparison, OnResume, RosCall, RosKind, RosSettings
 from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action, ForgottenError, Goal
@@ -22,15 +25,20 @@ from gpsfsm.ros.ledger import OURS, Entry, GoalState, Said, Word, goal_id
 from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
 from gpsfsm.ros.node import Answer, RosError, RosNode, choose, process_node, rclpy_module
 from gpsfsm.ros.services import Service, absence, appeared
+from gpsfsm.ros.topics import Step, Subscription, Topics, check_conditions
 from gpsfsm.ros.transforms import Transforms
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from gpsfsm.capabilities.library import Library
+    from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import RunValue
     from gpsfsm.model.capability import Provider
     from gpsfsm.model.ros import Condition
+    from gpsfsm.ros.topics import Silence
+
+    _Sets = tuple[tuple[Condition, ...], ...]
 
 _APART_S = 1.0
 """Between two lines of feedback, at first."""
@@ -44,6 +52,7 @@ _ORDERS: Mapping[Comparison, Callable[[Any, Any], bool]] = {
     Comparison.ABOVE: operator.gt,
     Comparison.BELOW: operator.lt,
 }
+_LEAST_S = 0.001
 _LEFT_S = 4.0
 """What the end of a goal of a process before may take."""
 
@@ -58,7 +67,8 @@ class Services:
 
     settings: RosSettings
     library: Library
-    said: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    said: Mapping[str, str] = field(default_factory=dict)
+    topics: Topics = field(default_factory=Topics)
 
     def __post_init__(self) -> None:
         choose(self.settings)
@@ -89,6 +99,36 @@ class Services:
         return call
 
 
+class Listening:
+    """A watcher of a run, whose subscriptions live as long as it.
+
+    ``runner_class`` gives the class of a runner, by interface and provider.
+    """
+
+    def __init__(
+        self, services: Services, kernel: Kernel, runner_class: Callable[[str, str], type[Runner]]
+    ) -> None:
+        self._services, self._kernel, self._runner_class = services, kernel, runner_class
+        self._begun = False
+
+    def __call__(self, *_: object) -> None:
+        """Subscribe as the run begins, let go as it ends."""
+        if self._kernel.status.ended:
+            self._services.topics.close()
+        elif not self._begun and self._kernel.status is Status.RUNNING:
+            self._begun = True
+            threading.Thread(target=self._open, name="ros topics").start()
+
+    def _open(self) -> None:
+        for key in self._kernel.runners:
+            with suppress(GpsfsmError):  # the step that needs it says what is wrong
+                if self._runner_class(*key) is not RosRunner:
+                    continue
+                call = self._services.call(*key)
+                if call.kind is RosKind.TOPIC:
+                    self._services.topics.of(process_node(), key, call)
+
+
 def _last_part(name: str) -> str:
     return name.strip("/")
 
@@ -105,6 +145,7 @@ class RosRunner(Runner):
         self._resources: frozenset[str] = frozenset()
         self._said: Mapping[str, str] = {}
         self._there: dict[str, Goal] = {}  # goals of a process before, by their keys
+        self._steps: dict[str, Step] = {}  # by the keys of their contexts
 
     @classmethod
     def unavailable(cls, described: Provider) -> str:
@@ -137,7 +178,9 @@ class RosRunner(Runner):
             elif call.kind is RosKind.SERVICE:
                 self._client = await Service.open(node, call.name, call.types, call.wait_s)
             else:
-                _, self._kind = first_definition(call.types)
+                key = context.interface, context.provider
+                self._client = await asyncio.to_thread(services.topics.of, node, key, call)
+                self._kind = self._client.kind
         except RosError as error:
             raise RunnerError(str(error)) from None
 
@@ -193,9 +236,12 @@ class RosRunner(Runner):
             async with asyncio.timeout(deadline or None):
                 return await act(parameters, context)
         except TimeoutError:
-            raise RunnerError(f"{self._who} has not ended within {deadline:g} s") from None
+            why = await self._silence(self._steps.get(context.key))
+            raise RunnerError(f"{self._who} has not ended within {deadline:g} s{why}") from None
         except RosError as error:
             raise RunnerError(f"{self._who}: {error}") from None
+        finally:
+            self._steps.pop(context.key, None)
 
     async def may_repeat(self, key: str) -> bool:
         """True if it is to be followed or sent again, or if a person says that it has succeeded."""
@@ -289,34 +335,59 @@ class RosRunner(Runner):
         return self._outcome(response, parameters)
 
     async def _listen(
-        self, parameters: Mapping[str, RunValue], _context: RunContext
+        self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
-        from rclpy.qos import DurabilityPolicy, QoSProfile
-        from rclpy.task import Future
+        node, topic, until = self._node, self._client, self._call.until
+        assert node is not None
+        feedback = _Feedback(self._call, context)
 
-        assert self._node is not None
-        node = self._node
-        kept = DurabilityPolicy.TRANSIENT_LOCAL if self._call.latched else DurabilityPolicy.VOLATILE
-        first: Any = Future()
-        subscriptions: list[Any] = []
+        def lacks(message: Any) -> str:
+            feedback(message)
+            return _missed(message, until, parameters)
 
-        def take(message: Any) -> None:
-            if not first.done():
-                first.set_result(message)
+        def listen() -> Any:
+            check_conditions(topic.kind(), until, lambda value: _value(value, parameters))
+            if lost := topic.lost():
+                line = f"{lost} messages of {topic.name} before this step were too many to be kept"
+                context.log(line, {"topic": topic.name, "lost": lost})
+            return topic.listen(step)
 
-        def subscribe() -> Any:
-            profile = QoSProfile(depth=1, durability=kept)
-            handle = node.handle
-            subscriptions.append(
-                handle.create_subscription(self._kind, node.name(self._call.name), take, profile)
-            )
-            return first
-
-        answer: Answer[Any] = Answer(node, subscribe)
+        step = self._steps[context.key] = Step(lacks)
+        answer: Answer[Any] = Answer(node, listen)
         try:
-            return self._outcome(await answer.within(0), parameters)
+            return self._outcome(await self._heard(answer, step, context), parameters)
         finally:
-            node.call(lambda: [node.handle.destroy_subscription(each) for each in subscriptions])
+            node.call(lambda: topic.leave(step))
+
+    async def _heard(self, answer: Answer[Any], step: Step, context: RunContext) -> Any:
+        """The message of a step. A silence is journaled once, and at its limit a failure."""
+        limit = self._call.silence_s or math.inf
+        note = self._call.wait_s or math.inf
+        while True:
+            left = min(limit, note) + step.heard_s - time.monotonic()
+            if not math.isfinite(left):
+                return await answer.within(0)
+            with suppress(TimeoutError):
+                return await answer.within(max(left, _LEAST_S))
+            quiet = time.monotonic() - step.heard_s
+            if quiet >= limit:
+                why = await self._silence(step)
+                raise RunnerError(f"{self._who} has been silent for {limit:g} s{why}")
+            if quiet >= note:
+                note = math.inf
+                silence = await self._reason(step)
+                data: dict[str, RunValue] = {"topic": silence.topic, "silence": silence.cause.value}
+                context.log(f"no message for {self._call.wait_s:g} s: {silence.words()}", data)
+
+    async def _reason(self, step: Step) -> Silence:
+        node, topic = self._node, self._client
+        assert node is not None
+        assert isinstance(topic, Subscription)
+        return await asyncio.to_thread(node.do, lambda: topic.silence(step))
+
+    async def _silence(self, step: Step | None) -> str:
+        """The reason why a step has no message, after a colon; "" for one that waits for none."""
+        return "" if step is None else f": {(await self._reason(step)).words()}"
 
     async def _look_up(
         self, parameters: Mapping[str, RunValue], _context: RunContext
@@ -343,12 +414,16 @@ class RosRunner(Runner):
             if has_field(message, path) or path not in self._call.optional
         }
         outputs = {name: value for name, value in read.items() if value is not None}
-        if self._call.success:
-            missed = [unmet(message, each, parameters) for each in self._call.success]
-            if all(missed):
-                why = _reason(self._call, message)
-                raise RunnerError(f"{self._who} answers {' and '.join(missed)}{why}", **outputs)
+        if missed := _missed(message, self._call.success, parameters):
+            why = _reason(self._call, message)
+            raise RunnerError(f"{self._who} answers {missed}{why}", **outputs)
         return outputs
+
+
+def _missed(message: Any, sets: _Sets, parameters: Mapping[str, RunValue]) -> str:
+    """The conditions that keep each of some sets from holding; "" if one holds or there is none."""
+    missed = [unmet(message, each, parameters) for each in sets]
+    return " and ".join(missed) if all(missed) else ""
 
 
 def unmet(
@@ -358,13 +433,13 @@ def unmet(
 
     A value that has not been measured fulfils nothing, nor does a parameter without a value.
     """
-    for field, comparison, wanted in conditions:
+    for path, comparison, wanted in conditions:
         try:
-            value, operand = value_at(message, field), _value(wanted, parameters)
+            value, operand = value_at(message, path), _value(wanted, parameters)
             if value is None or operand is None or not _holds(value, comparison, operand):
-                return f"{field}={'NaN' if value is None else repr(value)}"
+                return f"{path}={'NaN' if value is None else repr(value)}"
         except RosError as error:  # another set of conditions may hold
-            return f"{field}: {error}"
+            return f"{path}: {error}"
     return ""
 
 

@@ -392,7 +392,7 @@ def real_driver(
     from gpsfsm.capabilities.describe import specs
     from gpsfsm.execution.prompts import FillsWritten, PromptBuffers
     from gpsfsm.execution.realtime import RealtimeDriver  # loads asyncio
-    from gpsfsm.ros.runner import Services
+    from gpsfsm.ros.runner import Listening, Services
     from gpsfsm.ros.telemetry import Telemetry
 
     options, prompts = prepared.heading.options, PromptBuffers()
@@ -400,7 +400,7 @@ def real_driver(
     services |= {"prompts": prompts, "specs": specs(prepared.library)}
     robot = RosSettings.of(options.get("ros"))
     spoken: Any = options.get(GOALS, {})
-    services["ros"] = Services(robot, prepared.library, spoken)
+    services["ros"] = ros = Services(robot, prepared.library, spoken)
     if plans is not None:
         services["plans"] = plans
     if model is not None:
@@ -419,5 +419,9 @@ def real_driver(
     )
     fills = FillsWritten(kernel, prompts, maker.runner_class)
     fills.take(rows)
-    driver.watchers += [fills, Telemetry(kernel, prepared.heading.file, driver.now_us)]
+    driver.watchers += [
+        fills,
+        Telemetry(kernel, prepared.heading.file, driver.now_us),
+        Listening(ros, kernel, maker.runner_class),
+    ]
     return driver

@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.capabilities.load import load_directories
-from gpsfsm.capabilities.table import builtin
-from gpsfsm.model.ros import Comparison, Condition, OnResume, RosCall, RosKind
+from gpsfsm.capabilities.table import builtin, dump
+from gpsfsm.capabilities.table import load as load_table
+from gpsfsm.model.ros import (
+    Comparison,
+    Condition,
+    Durability,
+    OnResume,
+    Quality,
+    Reliability,
+    RosCall,
+    RosKind,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,6 +41,7 @@ definition:
       - {{name: text, type: string}}
 """
 INTERFACE = "name: demo/Go\nspec_type: interface\nspec_version: 1.2\n"
+TOPIC = "  topic: go\n  type: demo_msgs/msg/Go\n"
 ACTION = "  action: go\n  type: demo_msgs/action/Go\n"
 
 
@@ -120,6 +131,31 @@ def test_lists_and_conditions(tmp_path: Path) -> None:
     )
 
 
+def test_a_watch_of_a_topic(tmp_path: Path) -> None:
+    described = call(
+        tmp_path,
+        TOPIC
+        + "  until: [{data: true}, {level: '< $x'}]\n  feedback: {level: level}\n"
+        + "  qos: {reliability: best_effort, durability: transient_local, depth: 5}\n"
+        + "  max_age: 2.5\n  silence: 1\n",
+    )
+    assert described == RosCall(
+        kind=RosKind.TOPIC,
+        name="go",
+        types=("demo_msgs/msg/Go",),
+        feedback=(("level", "level"),),
+        until=(
+            (Condition("data", Comparison.IS, True),),
+            (Condition("level", Comparison.BELOW, "$x"),),
+        ),
+        qos=Quality(Reliability.BEST_EFFORT, Durability.TRANSIENT_LOCAL, 5),
+        max_age_s=2.5,
+        silence_s=1.0,
+    )
+    library = loaded(tmp_path, TOPIC + "  until: {a: 1}\n  qos: {depth: 3}\n").library
+    assert load_table(dump(library)) == library
+
+
 def test_frames(tmp_path: Path) -> None:
     one = call(tmp_path, "  transform: [map, $frame]\n")
     two = call(tmp_path, "  transform: [[map, $frame], [odom, base]]\n")
@@ -153,7 +189,21 @@ def test_frames(tmp_path: Path) -> None:
         (ACTION + "  request: {__class__: 1}\n", 8, "'__class__' is not a field"),
         (ACTION + "  outputs: {words: x}\n", 8, "there is no output 'words'"),
         (ACTION + "  outputs: {text: a b}\n", 8, "'a b' is not a field"),
-        (ACTION + "  latched: true\n", 8, "'latched' has no effect for an action"),
+        (ACTION + "  qos: {depth: 5}\n", 8, "'qos' has no effect for an action"),
+        (ACTION + "  until: {x: 1}\n", 8, "'until' has no effect for an action"),
+        (TOPIC + "  latched: true\n", 8, "latched"),
+        (TOPIC + "  qos: {reliability: relaible}\n", 8, "'relaible' is not a reliability"),
+        (TOPIC + "  qos: {durability: kept}\n", 8, "'kept' is not a durability"),
+        (TOPIC + "  qos: {history: keep_all}\n", 8, "history"),
+        (TOPIC + "  qos: {depth: 0}\n", 8, "'depth' must be a whole number from 1"),
+        (TOPIC + "  qos: {depth: 1.5}\n", 8, "'depth' must be a whole number from 1"),
+        (TOPIC + "  qos: best_effort\n", 8, "qos"),
+        (TOPIC + "  until: []\n", 8, "must be what fields must be"),
+        (TOPIC + "  until: {data: '> $y'}\n", 8, "there is no parameter 'y'"),
+        (TOPIC + "  until: {'a[].b': 1}\n", 8, "'a[].b' is not a field"),
+        (TOPIC + "  max_age: 0\n", 8, "'max_age' must be more than 0"),
+        (TOPIC + "  max_age: 1.0e+9\n", 8, "'max_age' must be from 0 to"),
+        (TOPIC + "  feedback: {a: b}\n", 8, "'feedback' has no effect for a topic without 'until'"),
         (ACTION + "  probe: 0\n", 8, "'probe' must be more than 0"),
         (ACTION + "  deadline: -1\n", 8, "'deadline' must be from 0 to"),
         (ACTION + "  on_resume: cancle\n", 8, "'cancle' is not a choice"),

@@ -34,7 +34,16 @@ from gpsfsm.model.capability import (
     ValueType,
 )
 from gpsfsm.model.event import Event
-from gpsfsm.model.ros import Comparison, Condition, OnResume, RosCall, RosKind
+from gpsfsm.model.ros import (
+    Comparison,
+    Condition,
+    Durability,
+    OnResume,
+    Quality,
+    Reliability,
+    RosCall,
+    RosKind,
+)
 from tests.capabilities.support import INTERFACE, PROVIDER, write
 
 RUNNERS = Path(gpsfsm.__file__).parents[1] / "runners"
@@ -70,9 +79,14 @@ requests = st.lists(st.tuples(texts, listed), max_size=2).map(tuple)
 conditions = st.builds(Condition, texts, st.sampled_from(Comparison), values)
 successes = st.lists(st.lists(conditions, max_size=2).map(tuple), max_size=2).map(tuple)
 seconds = st.floats(0, 100)
+qualities = st.builds(
+    Quality, st.none() | st.sampled_from(Reliability), st.none() | st.sampled_from(Durability),
+    st.integers(1, 1_000),
+)  # fmt: skip
 calls = st.none() | st.builds(
     RosCall, st.sampled_from(RosKind), texts, many, requests, many, pairs, pairs, texts, successes,
-    texts, pairs, st.booleans(), seconds, seconds, seconds, seconds, st.sampled_from(OnResume),
+    texts, pairs, successes, qualities, seconds, seconds, seconds, seconds, seconds,
+    st.sampled_from(OnResume),
 )  # fmt: skip
 providers = st.builds(
     Provider, texts, texts, texts, texts, texts, texts, st.booleans(),
