@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import atexit
 import os
+import re
 import sys
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -22,13 +23,14 @@ from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import DISCOVERY, RosSettings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
+    from collections.abc import Callable, Coroutine, Sequence
 
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _NAME = "gpsfsm"
 _PATIENCE_S = 5.0
 """How long the thread may take to end."""
 _SWITCH_S = 0.001
+_SOURCE = re.compile(r", at \S+:\d+")  # where rcl has found an error
 _Made = TypeVar("_Made")
 
 
@@ -252,6 +254,33 @@ def arguments(settings: RosSettings) -> list[str]:
     rules = [part for old, new in settings.remap for part in ("-r", f"{old}:={new}")]
     written = [*rules, *settings.arguments]
     return ["--ros-args", *written] if written else []
+
+
+def refuse_malformed(words: Sequence[str]) -> None:
+    """Raise UsageError, with what rcl says, if a node does not take these words of a command line.
+
+    Without rclpy there is no node that could read them.
+    """
+    try:
+        rclpy = rclpy_module()
+    except RosError:
+        return
+    from rclpy.signals import SignalHandlerOptions
+
+    context = rclpy.Context()
+    try:
+        rclpy.init(
+            args=["--ros-args", *words],
+            context=context,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+    except Exception as error:
+        reason = _SOURCE.sub("", str(error)).removeprefix("failed to initialize rcl: ")
+        if reason.startswith("["):  # a list of them is all that rclpy says
+            reason = f"unknown arguments {reason[1:-1]}"
+        raise UsageError(f"after --ros-args: {clip(reason, 500)}") from None
+    finally:
+        rclpy.try_shutdown(context=context)
 
 
 class _Process:
