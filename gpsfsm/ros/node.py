@@ -16,6 +16,7 @@ import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import pairwise
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gpsfsm.errors import GpsfsmError, UsageError, installing
@@ -82,6 +83,7 @@ class RosNode:
         sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_S))
         if settings.discovery:
             os.environ[_DISCOVERY] = DISCOVERY[settings.discovery]
+        self.settings = settings
         self.context = rclpy.Context()
         try:
             rclpy.init(
@@ -307,12 +309,13 @@ def choose(settings: RosSettings) -> None:
 def process_node() -> RosNode:
     """The node of this process: made when it is first needed, closed when the process ends.
 
-    Raises RosError.
+    Two of one name could not be told apart on the graph, so each has a suffix of its own; a name
+    that the command line gives (``-r __node:=name``) is taken as it is. Raises RosError.
     """
     with _MAKING:
         if _Process.node is None:
             settings = _Process.settings = _Process.settings or RosSettings()
-            _Process.node = RosNode(settings)
+            _Process.node = RosNode(settings, f"{_NAME}_{token_hex(3)}")
         return _Process.node
 
 
