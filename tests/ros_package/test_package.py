@@ -254,14 +254,29 @@ def test_the_commands_of_scripts_exist(
     assert option in capsys.readouterr().out
 
 
+def _interfaces_of_our_own() -> set[str]:
+    """The packages of definitions that gpsfsm uses whatever runners a plan has."""
+    text = "".join(file.read_text() for file in (REPO / "gpsfsm" / "ros").glob("*.py"))
+    packages = set(re.findall(r'definition\("(\w+)/|from (\w+_msgs)\.', text))
+    return {each for pair in packages for each in pair if each} - {
+        *("bond", "capabilities2_msgs", "fabric_msgs")  # of what a plan may need
+    }
+
+
 def test_the_manifest() -> None:
     manifest = etree.parse(PACKAGE / "package.xml")
     project = tomllib.loads((REPO / "pyproject.toml").read_text())["project"]
     assert manifest.findtext("version") == __version__
     assert f'version="{__version__}"' in (PACKAGE / "setup.py").read_text()
     assert manifest.findtext("license") == project["license"]
-    needs = [(each.tag, each.text) for each in manifest.iter("{*}*") if "depend" in each.tag]
-    assert needs == [("exec_depend", each) for each in ("action_msgs", "launch_ros", "rclpy")]
+    (address,) = manifest.xpath("maintainer/@email")
+    assert re.fullmatch(r"[\w-]+@users\.noreply\.github\.com", address)
+    addresses = {each.get("type"): each.text for each in manifest.iter("url")}
+    assert addresses["bugtracker"] == project["urls"]["Issues"]
+    assert set(addresses.values()) <= set(project["urls"].values())
+    assert [each.text for each in manifest.iter("test_depend")] == ["python3-pytest"]
+    needs = {each.text for each in manifest.iter("exec_depend")}
+    assert needs >= {"launch", "launch_ros", "rclpy"} | _interfaces_of_our_own()
     assert manifest.findtext("export/build_type") == "ament_python"
 
 
