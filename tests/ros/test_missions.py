@@ -141,7 +141,7 @@ def test_a_service_whose_server_was_killed_has_failed(ros: Domain) -> None:
         ros.kill(perception.process)
         out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1, out + err
-    assert "its server has gone, and the answer with it" in out
+    assert "the server of /perception/speech has gone, and the answer with it" in out
 
 
 @pytest.mark.parametrize(
