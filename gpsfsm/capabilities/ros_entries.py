@@ -25,7 +25,16 @@ from gpsfsm.capabilities.reading import (
     Texts,
     wrong,
 )
-from gpsfsm.model.ros import WHOLE, Comparison, Condition, OnResume, RosCall, RosKind, steps
+from gpsfsm.model.ros import (
+    WHOLE,
+    Comparison,
+    Condition,
+    OnResume,
+    RosCall,
+    RosKind,
+    parameter_in,
+    steps,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -286,7 +295,7 @@ def _condition(
 
 
 def _check_parameter(text: str, parameters: Collection[str], place: Place, notes: Notes) -> None:
-    name = text.removeprefix("$")
+    name, _ = parameter_in(text)
     if name not in parameters:
         hint = notes.near(name, parameters) or "describe it, or write a value"
         notes.error(place, f"there is no parameter {quoted(name)}", hint)

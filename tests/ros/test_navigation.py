@@ -97,6 +97,16 @@ def test_a_plan_drives_and_its_journal_has_feedback_and_poses(ros: Domain) -> No
     assert poses[-1][0] == 1.5
 
 
+def test_a_yaw_is_a_quaternion_in_its_frame(ros: Domain) -> None:
+    server = ros.server("nav2", "--speed", "50")
+    drive = waypoint(1.0, 2.0).replace("WaypointRunner", "WaypointYawRunner")
+    run(ros, plan(ros, drive, drive.replace("/>", ' yaw="1.5707963267948966" frame="odom"/>')))
+    one, two = server.journal("goal")
+    assert (one["poses"], one["frames"]) == ([[1.0, 2.0, 0.0]], ["map"])
+    turned = [[1.0, 2.0, pytest.approx(1.5707963267948966)]]
+    assert (two["poses"], two["frames"]) == (turned, ["odom"])
+
+
 @pytest.mark.parametrize(
     ("outcome", "why"),
     [
