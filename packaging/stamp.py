@@ -33,6 +33,7 @@ _END = r"(?![\w-])"  # gpsfsm-2026 is another repository
 OWNERS = (
     re.compile(rf"(github\.com[/:])({_ACCOUNT})(/gpsfsm{_END})"),
     re.compile(rf"(?<![\w/-])()({_ACCOUNT})(/gpsfsm@)"),
+    re.compile(rf'(<maintainer email=")({_ACCOUNT})(@users\.noreply\.github\.com)'),
 )
 LOWER_OWNERS = (
     re.compile(rf"(ghcr\.io/)({_ACCOUNT})(/gpsfsm{_END})"),

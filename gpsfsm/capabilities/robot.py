@@ -490,13 +490,12 @@ def _bounded(profile: Profile, library: Library, notes: Notes) -> Iterator[Provi
                         message = f"with its file, no value of {quoted(parameter.name)} is left"
                         place = profile.places.get((f"bounds {runner}", parameter.name), (1, 1))
                         notes.error(place, message, "'gpsfsm capabilities show' lists its bounds")
-            configuration.append(replace(parameter, minimum=low, maximum=high))
-        added = profile.resources.get(provider.implements, ())
-        yield replace(
-            provider,
-            configuration=tuple(configuration),
-            resources=tuple(dict.fromkeys((*provider.resources, *added))),
-        )
+            limited = moves and parameter.name == "frame" and (_MAP, "x") in profile.bounds
+            choices = (_MAP,) if limited else parameter.choices  # in another frame it says nothing
+            configuration.append(replace(parameter, minimum=low, maximum=high, choices=choices))
+        added = (*provider.resources, *profile.resources.get(provider.implements, ()))
+        held = tuple(dict.fromkeys(added))
+        yield replace(provider, configuration=tuple(configuration), resources=held)
     for runner, name in profile.bounds.keys() - used:
         place = profile.places[f"bounds {runner}", name]
         whose = quoted(runner) if runner else "runner of this robot"

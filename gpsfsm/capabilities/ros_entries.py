@@ -34,6 +34,7 @@ from gpsfsm.model.ros import (
     Reliability,
     RosCall,
     RosKind,
+    parameter_in,
     steps,
 )
 
@@ -356,7 +357,7 @@ def _condition(
 
 
 def _check_parameter(text: str, parameters: Collection[str], place: Place, notes: Notes) -> None:
-    name = text.removeprefix("$")
+    name, _ = parameter_in(text)
     if name not in parameters:
         hint = notes.near(name, parameters) or "describe it, or write a value"
         notes.error(place, f"there is no parameter {quoted(name)}", hint)

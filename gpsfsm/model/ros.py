@@ -29,6 +29,7 @@ Steps = list[tuple[str, str | None]]
 
 _PART = pattern(r"([a-z][a-zA-Z0-9_]*)(?:\[(.*)\])?")
 _DEEPEST = 200  # characters of a path
+_AXES = ("qx", "qy", "qz", "qw")
 
 
 def steps(path: str) -> Steps:
@@ -56,6 +57,16 @@ def steps(path: str) -> Steps:
             steps(pick.removeprefix(BEST_BY))
         fields.append((name, pick))
     return fields
+
+
+def parameter_in(value: str) -> tuple[str, str]:
+    """The parameter that a value names, and which part of the quaternion of its yaw is meant.
+
+    >>> parameter_in("$x"), parameter_in("$yaw.qz")
+    (('x', ''), ('yaw', 'qz'))
+    """
+    name, _, axis = value.removeprefix("$").rpartition(".")
+    return (name, axis) if name and axis in _AXES else (value.removeprefix("$"), "")
 
 
 class Comparison(StrEnum):

@@ -10,11 +10,13 @@ from __future__ import annotations
 import asyncio
 import atexit
 import os
+import re
 import sys
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import pairwise
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gpsfsm.errors import GpsfsmError, UsageError, installing
@@ -22,13 +24,14 @@ from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import DISCOVERY, RosSettings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
+    from collections.abc import Callable, Coroutine, Sequence
 
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _NAME = "gpsfsm"
 _PATIENCE_S = 5.0
 """How long the thread may take to end."""
 _SWITCH_S = 0.001
+_SOURCE = re.compile(r", at \S+:\d+")  # where rcl has found an error
 _Made = TypeVar("_Made")
 
 
@@ -80,6 +83,7 @@ class RosNode:
         sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_S))
         if settings.discovery:
             os.environ[_DISCOVERY] = DISCOVERY[settings.discovery]
+        self.settings = settings
         self.context = rclpy.Context()
         try:
             rclpy.init(
@@ -254,6 +258,33 @@ def arguments(settings: RosSettings) -> list[str]:
     return ["--ros-args", *written] if written else []
 
 
+def refuse_malformed(words: Sequence[str]) -> None:
+    """Raise UsageError, with what rcl says, if a node does not take these words of a command line.
+
+    Without rclpy there is no node that could read them.
+    """
+    try:
+        rclpy = rclpy_module()
+    except RosError:
+        return
+    from rclpy.signals import SignalHandlerOptions
+
+    context = rclpy.Context()
+    try:
+        rclpy.init(
+            args=["--ros-args", *words],
+            context=context,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+    except Exception as error:
+        reason = _SOURCE.sub("", str(error)).removeprefix("failed to initialize rcl: ")
+        if reason.startswith("["):  # a list of them is all that rclpy says
+            reason = f"unknown arguments {reason[1:-1]}"
+        raise UsageError(f"after --ros-args: {clip(reason, 500)}") from None
+    finally:
+        rclpy.try_shutdown(context=context)
+
+
 class _Process:
     """The settings and the node of this process."""
 
@@ -278,12 +309,13 @@ def choose(settings: RosSettings) -> None:
 def process_node() -> RosNode:
     """The node of this process: made when it is first needed, closed when the process ends.
 
-    Raises RosError.
+    Two of one name could not be told apart on the graph, so each has a suffix of its own; a name
+    that the command line gives (``-r __node:=name``) is taken as it is. Raises RosError.
     """
     with _MAKING:
         if _Process.node is None:
             settings = _Process.settings = _Process.settings or RosSettings()
-            _Process.node = RosNode(settings)
+            _Process.node = RosNode(settings, f"{_NAME}_{token_hex(3)}")
         return _Process.node
 
 

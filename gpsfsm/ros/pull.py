@@ -26,7 +26,7 @@ from gpsfsm.execution.registry import ours
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import CAPABILITIES2, RosSettings
 from gpsfsm.ros.capabilities2 import Server
-from gpsfsm.ros.node import RosError, choose, process_node, waited
+from gpsfsm.ros.node import RosError, choose, process_node, refuse_malformed, waited
 from gpsfsm.streams import write_bytes
 
 if TYPE_CHECKING:
@@ -256,6 +256,7 @@ def pull_into(
         raise UsageError(f"{output} is not a folder; name a new one with --output")
     if folder.is_dir() and any(folder.iterdir()) and not force:
         raise UsageError(f"{output} is not empty; name a new folder, or overwrite with --force")
+    refuse_malformed(arguments)
     choose(RosSettings(arguments=tuple(arguments)))
     node = process_node()
     pulled = waited(pull(node))

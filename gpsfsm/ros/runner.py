@@ -19,7 +19,14 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.records import Status
 from gpsfsm.execution.runner import InDoubtError, LoadContext, RunContext, Runner, RunnerError
-from gpsfsm.model.ros import Comparison, OnResume, RosCall, RosKind, RosSettings
+from gpsfsm.model.ros import (
+    Comparison,
+    OnResume,
+    RosCall,
+    RosKind,
+    RosSettings,
+    parameter_in,
+)
 from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action, ForgottenError, Goal
 from gpsfsm.ros.ledger import OURS, Entry, GoalState, Said, Word, goal_id
 from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
@@ -522,10 +529,20 @@ def _filled(
 
 def _value(value: Any, parameters: Mapping[str, RunValue]) -> Any:
     if isinstance(value, str) and value.startswith("$"):
-        return parameters.get(value[1:])
+        return _parameter(*parameter_in(value), parameters)
     if isinstance(value, tuple):
         items = [_value(each, parameters) for each in value]
         if None in items:
             raise RosError("a parameter in a list has no value")
         return items
     return value
+
+
+def _parameter(name: str, axis: str, parameters: Mapping[str, RunValue]) -> RunValue | None:
+    """The value of a parameter; with an axis, that part of the quaternion of this yaw."""
+    value = parameters.get(name)
+    if not axis or value is None:
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise RosError(f"{name} is no angle in radians: {value!r}")
+    return {"qz": math.sin(value / 2), "qw": math.cos(value / 2)}.get(axis, 0.0)

@@ -188,7 +188,8 @@ class Service:
             there = await asyncio.to_thread(self._node.do, self._client.service_is_ready)
             missed = 0 if there else missed + 1
             if missed == _MISSED:
-                raise RosError("its server has gone, and the answer with it")
+                name = self._client.srv_name
+                raise RosError(f"the server of {name} has gone, and the answer with it")
 
     async def close(self) -> None:
         """Let go of the client."""

@@ -1,4 +1,4 @@
-"""The telemetry of a run on ROS 2: the topic ``gpsfsm/state`` and the diagnostics.
+"""The telemetry of a run on ROS 2: the topic ``gpsfsm/state``, the diagnostics, and ``/rosout``.
 
 ``gpsfsm/state`` (std_msgs/msg/String, the last message is kept for those who come late) holds JSON:
 
@@ -9,16 +9,18 @@
 
 It is published at every change. ``/diagnostics`` (diagnostic_msgs/msg/DiagnosticArray) has a status
 once a second: OK, WARN as soon as a runner has failed, ERROR if the run has ended in any other way
-than complete. Nothing here can disturb a run: what cannot be published is left out.
+than complete. ``/rosout`` has the lines of the run under the name of the node. Nothing here can
+disturb a run: what cannot be published is left out.
 """
 
 from __future__ import annotations
 
 import json
+from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.execution.records import Kind, Status
+from gpsfsm.execution.records import MARKS, Kind, Record, Status
 from gpsfsm.ros.messages import definition
 from gpsfsm.ros.node import RosError, node_if_made
 
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from gpsfsm.execution.kernel import Kernel
-    from gpsfsm.execution.records import Input, Record, RunValue
+    from gpsfsm.execution.records import Input, RunValue
     from gpsfsm.ros.node import RosNode
 
 _STATE = "gpsfsm/state"
@@ -34,6 +36,8 @@ _DIAGNOSTICS = "/diagnostics"
 _PERIOD_S = 1.0
 _MOST = 50  # of the active ones, and of the failed ones
 _SECOND = 1_000_000
+_WARNS = (Kind.FAILED, Kind.TIMEOUT, Kind.NOT_LOADED, Kind.CANCEL, Kind.LATE)
+_IN_DOUBT = ("in doubt", "it is waited for")
 _OVER = frozenset({Kind.SUCCEEDED, Kind.FAILED, Kind.TIMEOUT, Kind.STOPPED})
 
 
@@ -100,13 +104,49 @@ class Telemetry:
         }
 
 
+class Rosout:
+    """A watcher of a run whose lines go to ``/rosout``, as soon as there is a node.
+
+    ``sentence`` makes the line of a record, "" for one that is not worth a line; ``plan`` is the
+    name of the plan. The logger of rclpy would write them to standard error as well, into the tree
+    of a live view, so they are published here, under its name and by its level.
+    """
+
+    def __init__(self, sentence: Callable[[Record], str], plan: str) -> None:
+        self._sentence, self._plan = sentence, plan
+        self._waiting: deque[tuple[int, str]] = deque(maxlen=_MOST)
+
+    def __call__(self, _at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        """Publish what has happened."""
+        if happened.kind in MARKS:  # a line of a runner, say: it becomes a record
+            number = happened.number + 1 if happened.number >= 0 else -1
+            data = happened.outputs or None
+            records = [Record(happened.kind, number, data=data, message=happened.message)]
+        lines = [(_severity(each), self._sentence(each)) for each in records]
+        self._waiting += [(severity, line) for severity, line in lines if line]
+        node = node_if_made()
+        if node is not None and self._waiting:
+            with suppress(RosError, RuntimeError):  # the node is being closed
+                _Topics.of(node).log(self._plan, [*self._waiting])
+            self._waiting.clear()
+
+
+def _severity(record: Record) -> int:
+    """INFO, WARN or ERROR, as rcl_interfaces/msg/Log numbers them."""
+    ending = (record.data or {}).get("status") if record.kind is Kind.ENDED else None
+    if ending in (None, Status.COMPLETED) and not record.message.startswith(_IN_DOUBT):
+        return 30 if record.kind in _WARNS else 20
+    return 30 if ending == Status.CANCELLED else 40
+
+
 class _Topics:
-    """The two publishers of a node. All but ``of`` and ``publish`` happens in its thread."""
+    """The publishers of a node. All but ``of``, ``publish`` and ``log`` happens in its thread."""
 
     def __init__(self, node: RosNode) -> None:
         self._node = node
         self._state: dict[str, Any] = {}
         self._publishers: tuple[Any, Any] | None = None
+        self._log: Any = None
         node.call(self._open)
 
     @classmethod
@@ -118,7 +158,7 @@ class _Topics:
         return made
 
     def _open(self) -> None:
-        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_rosout_default
 
         handle = self._node.handle
         text = definition("std_msgs/msg/String")
@@ -129,6 +169,9 @@ class _Topics:
             array = definition("diagnostic_msgs/msg/DiagnosticArray")
             diagnostics = handle.create_publisher(array, _DIAGNOSTICS, QoSProfile(depth=10))
             handle.create_timer(_PERIOD_S, self._diagnose)
+        if "--disable-rosout-logs" not in self._node.settings.arguments:
+            kind, quality = definition("rcl_interfaces/msg/Log"), qos_profile_rosout_default
+            self._log = handle.create_publisher(kind, "/rosout", quality)
         self._publishers = states, diagnostics
 
     def publish(self, state: dict[str, Any], *, over: bool) -> None:
@@ -141,6 +184,22 @@ class _Topics:
                 self._publishers[0].publish(text(data=json.dumps(state)))
                 if over:
                     self._diagnose()
+
+        self._node.call(publish)
+
+    def log(self, file: str, lines: Sequence[tuple[int, str]]) -> None:
+        """Publish lines of ``/rosout`` with their severities; ``file`` is the plan."""
+
+        def publish() -> None:
+            if self._log is None:
+                return
+            handle, kind = self._node.handle, definition("rcl_interfaces/msg/Log")
+            logger = handle.get_logger()
+            for severity, line in lines:
+                if severity >= logger.get_effective_level():
+                    message = kind(level=severity, name=logger.name, msg=line, file=file)
+                    message.stamp = handle.get_clock().now().to_msg()
+                    self._log.publish(message)
 
         self._node.call(publish)
 

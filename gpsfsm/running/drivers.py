@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.journal_errors import DamagedJournalError
+from gpsfsm.execution.records import Kind
 from gpsfsm.execution.registry import PERMIT
 from gpsfsm.execution.runner import RunContext, Runner
 from gpsfsm.execution.virtual import VirtualDriver
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.queue import PlanService
     from gpsfsm.execution.realtime import RealtimeDriver
-    from gpsfsm.execution.records import RunValue
+    from gpsfsm.execution.records import Record, RunValue
     from gpsfsm.execution.registry import Maker
     from gpsfsm.execution.runner import LoadContext
     from gpsfsm.generation.service import ModelService
@@ -393,7 +394,7 @@ def real_driver(
     from gpsfsm.execution.prompts import FillsWritten, PromptBuffers
     from gpsfsm.execution.realtime import RealtimeDriver  # loads asyncio
     from gpsfsm.ros.runner import Listening, Services
-    from gpsfsm.ros.telemetry import Telemetry
+    from gpsfsm.ros.telemetry import Rosout, Telemetry
 
     options, prompts = prepared.heading.options, PromptBuffers()
     services: dict[str, Any] = {name: texts(options, key) for key, name in _SERVICES.items()}
@@ -419,9 +420,24 @@ def real_driver(
     )
     fills = FillsWritten(kernel, prompts, maker.runner_class)
     fills.take(rows)
+    file, lines = prepared.heading.file, _lines(kernel)
     driver.watchers += [
         fills,
-        Telemetry(kernel, prepared.heading.file, driver.now_us),
+        Telemetry(kernel, file, driver.now_us),
+        Rosout(lines, file),
         Listening(ros, kernel, maker.runner_class),
     ]
     return driver
+
+
+def _lines(kernel: Kernel) -> Callable[[Record], str]:
+    """The lines of a run for its robot: those that a terminal shows, its beginning and its end."""
+    from gpsfsm.watch.record_text import Detail, Words
+
+    words = Words(kernel.automaton, kernel.runners)
+
+    def line(record: Record) -> str:
+        is_line = record.kind in (Kind.BEGIN, Kind.ENDED) or words.shown(record, Detail.RUN)
+        return words.sentence(record) if is_line else ""
+
+    return line

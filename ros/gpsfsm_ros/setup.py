@@ -16,6 +16,7 @@ setup(
         (f"share/{NAME}/launch", sorted(glob("launch/*.launch.py"))),  # noqa: PTH207
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=True,
     description="Runs, gates and dispatches robot plans on ROS 2 with gpsfsm",
     license="Apache-2.0",

@@ -17,6 +17,8 @@ _STEP_S = 0.5
 _RETRY_S = 1.0
 _TICK_S = 1e-6  # the clock cannot tell shorter times apart
 _DIGITS = 6
+_MAP = "map"
+"""The frame of the places in a world."""
 
 
 class WaypointRunner(Simulated):
@@ -97,6 +99,18 @@ class WaypointRunner(Simulated):
     def _check(self, token: object) -> None:
         if self.world.driver is not token:
             raise RunnerError("another goal has replaced this one")
+
+
+class WaypointYawRunner(WaypointRunner):
+    """The same for a direction in radians. A world has but one frame, its map."""
+
+    async def run(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
+        """Drive there."""
+        if (frame := parameters.get("frame", _MAP)) != _MAP:
+            raise RunnerError(f"the goal is in the frame {frame!r}: a world has {_MAP!r} only")
+        yaw = number(parameters.get("yaw"), 0.0)
+        turned = {"qz": math.sin(yaw / 2), "qw": math.cos(yaw / 2)}
+        await super().run({**parameters, **turned}, context)
 
 
 class RobotPoseRunner(Simulated):

@@ -217,6 +217,16 @@ def test_a_polygon_bounds_places(tmp_path: Path) -> None:
     assert errors(plan(runner(x="5.0", y="1.0")), robot)[0] == ("GP206", 2)
 
 
+@pytest.mark.parametrize("area", ["{x: [0, 4], y: [0, 4]}", "{corners: [[0, 0], [4, 0], [4, 4]]}"])
+def test_a_map_allows_no_place_in_another_frame(tmp_path: Path, area: str) -> None:
+    """Nothing says where that is on the map."""
+    drive = step("nav2_capabilities/WaypointYawRunner", x="3.0", y="1.0", yaw="1.5", frame="odom")
+    robot = write(tmp_path, f"name: lab\nmap: {area}\n")
+    assert errors(plan(drive), robot) == [("GP206", 2)]
+    assert errors(plan(drive.replace("odom", "map")), robot) == []
+    assert errors(plan(drive), write(tmp_path, "name: lab\nbounds: {x: [0, 4]}\n")) == []
+
+
 places = st.integers(-6, 6)
 
 

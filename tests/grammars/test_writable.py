@@ -139,6 +139,7 @@ def test_only_some() -> None:
         "nav2_capabilities/OccupancyGridRunner",
         "nav2_capabilities/RobotPoseRunner",
         "nav2_capabilities/WaypointRunner",
+        "nav2_capabilities/WaypointYawRunner",
     ]
     assert names("WaitRunner", "generic_capabilities/Log*") == [
         "generic_capabilities/LogRunner",

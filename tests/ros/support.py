@@ -350,6 +350,10 @@ class Client:
         """The services that this client sees, with their types."""
         return dict(self._answer("services"))
 
+    def nodes(self) -> list[str]:
+        """The names of the nodes that this client sees."""
+        return list(self._answer("nodes"))
+
     def send_goal(self, name: str, of_type: str, goal: dict[str, Any]) -> str:
         """The id of a goal that was accepted, and an empty one if it was rejected."""
         return str(self._answer("goal", name=name, of_type=of_type, goal=goal))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -139,7 +141,7 @@ def test_a_service_whose_server_was_killed_has_failed(ros: Domain) -> None:
         ros.kill(perception.process)
         out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1, out + err
-    assert "its server has gone, and the answer with it" in out
+    assert "the server of /perception/speech has gone, and the answer with it" in out
 
 
 @pytest.mark.parametrize(
@@ -189,3 +191,31 @@ def test_the_state_of_a_run_is_published(ros: Domain) -> None:
     assert active["interface"] == "nav2_capabilities/WaypointRunner"
     assert status["name"] == "gpsfsm: plan"
     assert status["message"].startswith("RUNNING")
+
+
+def test_the_lines_of_a_run_are_on_rosout(ros: Domain) -> None:
+    client, server = ros.client(), ros.server("nav2", "--speed", "50")
+    server.command("next", outcome="abort")
+    client.program.command("rosout")
+    ended = finish(ros, "navigation_5")
+    end = client.program.wait_for("line", text="the run has ended: COMPLETED")
+    lines = [row for row in client.program.journal("line") if row["name"] == end["name"]]
+    assert {row["file"] for row in lines} == {str(MISSIONS / "navigation_5.xml")}
+    assert [row["text"] for row in lines if row["level"] != 20] == [
+        each.partition(" s  ")[2] for each in ended.stdout.splitlines() if " failed" in each
+    ][:1]
+    assert lines[0]["text"] == "the run begins"
+    assert sum(row["text"].endswith(" started") for row in lines) == len(server.journal("goal"))
+    assert "the run" not in ended.stderr
+
+
+def test_two_runs_are_two_nodes(ros: Domain) -> None:
+    client, server = ros.client(), ros.server("nav2", "--speed", "0.5")
+    mission = MISSIONS / "navigation_1.xml"
+    named = ("--ros-args", "-r", "__node:=driver")
+    with ros.running("run", "--real", mission), ros.running("run", "--real", mission, *named):
+        server.wait_for("goal", count=2)
+        end, wanted = time.monotonic() + PATIENCE, re.compile(r"driver .*gpsfsm_[0-9a-f]{6}\b")
+        while not wanted.search(" ".join(sorted(client.nodes()))):
+            assert time.monotonic() < end, client.nodes()
+            time.sleep(0.2)

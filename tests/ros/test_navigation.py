@@ -28,6 +28,19 @@ POSE = (
     'provider="nav2_capabilities/RobotPoseRunner"/>'
 )
 
+_MALFORMED = """
+import json
+import sys
+from gpsfsm.errors import UsageError
+from gpsfsm.ros.node import refuse_malformed
+
+for words in json.loads(sys.argv[1]):
+    try:
+        refuse_malformed(words)
+    except UsageError as error:
+        print(error)
+"""
+
 
 def waypoint(x: float, y: float = 0.0, provider: str = "nav2_capabilities/WaypointRunner") -> str:
     return WAYPOINT.format(provider, x, y)
@@ -82,6 +95,16 @@ def test_a_plan_drives_and_its_journal_has_feedback_and_poses(ros: Domain) -> No
     assert len(left) >= 3
     assert all(0 <= each <= 1.5 for each in left)
     assert poses[-1][0] == 1.5
+
+
+def test_a_yaw_is_a_quaternion_in_its_frame(ros: Domain) -> None:
+    server = ros.server("nav2", "--speed", "50")
+    drive = waypoint(1.0, 2.0).replace("WaypointRunner", "WaypointYawRunner")
+    run(ros, plan(ros, drive, drive.replace("/>", ' yaw="1.5707963267948966" frame="odom"/>')))
+    one, two = server.journal("goal")
+    assert (one["poses"], one["frames"]) == ([[1.0, 2.0, 0.0]], ["map"])
+    turned = [[1.0, 2.0, pytest.approx(1.5707963267948966)]]
+    assert (two["poses"], two["frames"]) == (turned, ["odom"])
 
 
 @pytest.mark.parametrize(
@@ -286,6 +309,24 @@ def test_two_robots_in_two_namespaces(ros: Domain) -> None:
         robot = profile(ros, name, f"{{namespace: /{name}}}")
         run(ros, plan(ros, waypoint(float(place))), "--robot", robot)
         assert [row["poses"][0][0] for row in server.journal("goal")] == [float(place)]
+
+
+def test_arguments_that_no_node_takes_are_refused(ros: Domain) -> None:
+    words = [["--nonsense"], ["-r", "a"], ["-r"], ["--params-file", "none.yaml"], ["-r", "a:=b"]]
+    done = ros.python("-c", _MALFORMED, json.dumps(words))
+    assert [line.removeprefix("after --ros-args: ") for line in done.stdout.splitlines()] == [
+        "unknown arguments '--nonsense'",
+        "Couldn't parse remap rule: '-r a'. Error: Expected lexeme type (19) not found, search "
+        "ended at index 1",
+        "Couldn't parse trailing -r flag. No remap rule found.",
+        "Couldn't parse params file: '--params-file none.yaml'. Error: Error opening YAML file",
+    ], done.stderr
+    for command in (["run", "--real", "plan.xml", "--journal", "run.db"], ["capabilities", "pull"]):
+        plan(ros, waypoint(1.0))
+        done = ros.gpsfsm(*command, "--ros-args", "--nonsense")
+        assert done.returncode == 2, (command, done.stdout, done.stderr)
+        assert "gpsfsm: after --ros-args: unknown arguments '--nonsense'" in done.stderr
+    assert not (ros.folder / "run.db").exists()
 
 
 def test_names_are_remapped_by_the_command_line_and_by_semantic_interfaces(ros: Domain) -> None:

@@ -55,8 +55,8 @@ def module(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Any]:
             "run --real --ros-args -r __node:=g -r __ns:=/r1 -- a.xml",
         ),
         (
-            "--ros-args -r a:=b -p plan:=a.xml --params-file f -- x --ros-args --log-level info",
-            "run --real --ros-args -r a:=b --params-file f --log-level info -- x -- a.xml",
+            "--ros-args -r a:=b -p plan:=a.xml -e f -- x --ros-args --log-level info",
+            "run --real --ros-args -r a:=b -e f --log-level info -- x -- a.xml",
         ),
         (
             "--ros-args -p use_sim_time:=true -p n:plan:=x -p qos.depth:=1 -p odd -p",
@@ -74,6 +74,91 @@ def test_a_command_line_of_ros_becomes_one_of_gpsfsm(
 def test_only_scripts_that_take_a_plan_make_a_path_of_it(module: Callable[[str], Any]) -> None:
     line = module("scripts").command_line
     assert line(["ros", "gate"], ["--ros-args", "-p", "plan:=a"]) == ["ros", "gate", "--plan=a"]
+
+
+_FILE = """
+/**:
+  ros__parameters: {robot: r.yaml, max_plans: 3, force: true, qos: {depth: 1}, use_sim_time: true}
+gpsfsm:
+  ros__parameters: {plan: [a.xml, b.xml], verbose: false}
+/r1:
+  gpsfsm: {ros__parameters: {timeout: 2.5}}
+  "*": {ros__parameters: {via: capabilities2}}
+named: {ros__parameters: {plan: c.xml, robot: s.yaml}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("--params-file f", "--robot=r.yaml --max-plans=3 --force -- a.xml b.xml"),
+        (
+            "--params-file f -r __ns:=/r1",
+            "--robot=r.yaml --max-plans=3 --force --timeout=2.5 --via=capabilities2",
+        ),
+        ("--params-file f -r __node:=named", "--robot=s.yaml --max-plans=3 --force -- c.xml"),
+        (
+            "--params-file f -p force:=false -p max_plans:=4 -p plan:=d.xml -p plan:=e.xml",
+            "--robot=r.yaml --max-plans=4 -- d.xml e.xml",
+        ),
+        (
+            "-p robot:=t.yaml -p plan:=d.xml --params-file f",
+            "--robot=r.yaml --max-plans=3 --force -- a.xml b.xml",
+        ),
+    ],
+)
+def test_parameters_of_files_are_options(
+    words: str,
+    expected: str,
+    module: Callable[[str], Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("f").write_text(_FILE)
+    line = module("scripts").command_line([], ["--ros-args", *words.split()], plan=True)
+    for_node = line.index("--") + 1
+    assert {"--ros-args", "--params-file", "f"} <= set(line[:for_node])
+    assert line[for_node:] == expected.split()
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (None, "f cannot be read: [Errno 2] No such file or directory: 'f'"),
+        ("a: [", "f cannot be read: while parsing a flow node"),
+        ("plan: a.xml", "f is not a parameter file: NODE, and below it ros__parameters"),
+        ("ros__parameters: {plan: a}", "f has ros__parameters without a node, or without"),
+        ("/**: {ros__parameters: {plan: null}}", "f: the parameter plan has no value that ROS 2"),
+        ("/**: {ros__parameters: {plan: [[a]]}}", "f: the parameter plan has no value that ROS 2"),
+    ],
+)
+def test_a_parameter_file_that_is_none_is_refused(
+    text: str | None,
+    reason: str,
+    *,
+    module: Callable[[str], Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if text is not None:
+        Path("f").write_text(text)
+    monkeypatch.setattr(sys, "argv", ["run_plan", "--ros-args", "--params-file", "f"])
+    assert module("scripts").run_plan() == 2
+    assert f"gpsfsm_ros: {reason}" in capsys.readouterr().err
+
+
+def test_a_parameter_file_of_other_nodes_is_reported(
+    module: Callable[[str], Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "nav2.yaml"
+    file.write_text("amcl: {ros__parameters: {alpha1: 0.2}}\nrun_plan: {ros__parameters: {a: 1}}\n")
+    words = ["--ros-args", "--params-file", str(file)]
+    assert module("scripts").command_line([], words) == [*words, "--"]
+    said = capsys.readouterr().err
+    assert said == f"gpsfsm_ros: {file} has parameters of /amcl, /run_plan, and none of /gpsfsm\n"
 
 
 def test_a_script_runs_the_command(
@@ -254,14 +339,29 @@ def test_the_commands_of_scripts_exist(
     assert option in capsys.readouterr().out
 
 
+def _interfaces_of_our_own() -> set[str]:
+    """The packages of definitions that gpsfsm uses whatever runners a plan has."""
+    text = "".join(file.read_text() for file in (REPO / "gpsfsm" / "ros").glob("*.py"))
+    packages = set(re.findall(r'definition\("(\w+)/|from (\w+_msgs)\.', text))
+    return {each for pair in packages for each in pair if each} - {
+        *("bond", "capabilities2_msgs", "fabric_msgs")  # of what a plan may need
+    }
+
+
 def test_the_manifest() -> None:
     manifest = etree.parse(PACKAGE / "package.xml")
     project = tomllib.loads((REPO / "pyproject.toml").read_text())["project"]
     assert manifest.findtext("version") == __version__
     assert f'version="{__version__}"' in (PACKAGE / "setup.py").read_text()
     assert manifest.findtext("license") == project["license"]
-    needs = [(each.tag, each.text) for each in manifest.iter("{*}*") if "depend" in each.tag]
-    assert needs == [("exec_depend", each) for each in ("action_msgs", "launch_ros", "rclpy")]
+    (address,) = manifest.xpath("maintainer/@email")
+    assert re.fullmatch(r"[\w-]+@users\.noreply\.github\.com", address)
+    addresses = {each.get("type"): each.text for each in manifest.iter("url")}
+    assert addresses["bugtracker"] == project["urls"]["Issues"]
+    assert set(addresses.values()) <= set(project["urls"].values())
+    assert [each.text for each in manifest.iter("test_depend")] == ["python3-pytest"]
+    needs = {each.text for each in manifest.iter("exec_depend")}
+    assert needs >= {"launch", "launch_ros", "rclpy"} | _interfaces_of_our_own()
     assert manifest.findtext("export/build_type") == "ament_python"
 
 
@@ -274,6 +374,6 @@ def test_nothing_but_gpsfsm_and_the_launch_system_is_imported() -> None:
                 names |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 names.add(str(node.module))
-        allowed = {"gpsfsm_ros", "launch", "launch_ros", "setuptools", "gpsfsm"}
+        allowed = {"gpsfsm_ros", "launch", "launch_ros", "setuptools", "gpsfsm", "yaml"}
         tops = {name.partition(".")[0] for name in names}
         assert tops <= allowed | set(sys.stdlib_module_names), file

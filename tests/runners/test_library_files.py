@@ -215,8 +215,10 @@ def test_no_value_replaces_a_literal_by_accident() -> None:
             read[word].add(name)
     handed = {word for data in providers().values() for word in outputs(data)}
     poses = {"nav2_capabilities/WaypointRunner", "prompt_capabilities/PromptPoseRunner"}
+    places = poses | {"nav2_capabilities/WaypointYawRunner"}  # by name only: it has no inputs
     assert {word: read[word] for word in sorted(handed) if word in read} == {
         **dict.fromkeys(POSE, poses),
+        **dict.fromkeys("xyz", places),
         "CapabilitySpecs": {"prompt_capabilities/PromptCapabilityRunner"},
         "OccupancyGrid": {"prompt_capabilities/PromptOccupancyRunner"},
         "ReceivedPlan": {"fabric_capabilities/FabricSetPlanRunner"},

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 LIBRARY = builtin_capabilities().library
 _PACKAGES = {
     "Waypoint": "nav2_capabilities",
+    "WaypointYaw": "nav2_capabilities",
     "RobotPose": "nav2_capabilities",
     "OccupancyGrid": "nav2_capabilities",
     "Check": "perception_capabilities",

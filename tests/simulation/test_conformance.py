@@ -14,6 +14,7 @@ from tests.simulation.support import LIBRARY, field_of
 POSE = {"x": 1.0, "y": 1.0, "z": 0.0, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}
 PARAMETERS = {
     "nav2_capabilities/WaypointRunner": POSE,
+    "nav2_capabilities/WaypointYawRunner": {"x": 1.0, "y": 1.0, "yaw": 1.5, "frame": "map"},
     "perception_capabilities/CheckRunner": {"prompt": "Is it so?", "text": "Yes."},
     "perception_capabilities/TranscribeRunner": {"audio_request_window": 5},
     "perception_capabilities/SpeechRunner": {"text": "hello"},

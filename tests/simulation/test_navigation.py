@@ -34,6 +34,15 @@ def test_the_robot_faces_as_the_goal_says():
     }
 
 
+def test_a_yaw_is_a_direction_and_a_world_has_one_frame():
+    turned = runner("WaypointYaw", x="1.0", y="0.0", yaw=math.pi / 2)
+    ran = run(plan(turned, runner("RobotPose")), field_of())
+    assert ran.outputs[1] | {"qz": 0.707107, "qw": 0.707107} == ran.outputs[1]
+    assert ran.outputs[1]["x"] == 1.0
+    ran = run(plan(runner("WaypointYaw", x="1.0", y="0.0", frame="odom")), field_of())
+    assert ran.messages[0] == "the goal is in the frame 'odom': a world has 'map' only"
+
+
 def test_an_unreachable_place_fails_after_trying():
     world = field_of(Obstacle(WALL), robot={"patience_s": 7.0})
     ran = run(plan(runner("Waypoint", x="3.0", y="0.0")), world)

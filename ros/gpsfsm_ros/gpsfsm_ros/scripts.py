@@ -1,12 +1,16 @@
 """Console scripts for ``ros2 run`` and launch files: each makes a command line of gpsfsm.
 
 Parameters of ROS become options: ``-p journal:=run.db`` is ``--journal=run.db``, and
-``-p plan:=a.xml`` is the plan. What else is between ``--ros-args`` and ``--`` goes to the node. So
-gpsfsm itself reports all that can be wrong, in one place.
+``-p plan:=a.xml`` is the plan. So do those of a file (``--params-file``). What else is between
+``--ros-args`` and ``--`` goes to the node. So gpsfsm itself reports all that can be wrong, in one
+place.
 """
 
 import sys
 
+from gpsfsm_ros.parameters import ParameterError, of_file
+
+_PARAMETER, _FILE = ("-p", "--param"), "--params-file"
 _OF_THE_NODE = ("use_sim_time", "start_type_description_service")
 """Parameters that every node of ROS 2 has; gpsfsm knows nothing of them."""
 _FAILED = 2
@@ -30,26 +34,35 @@ def dispatch():
 def command_line(command, arguments, *, plan=False):
     """The command line of gpsfsm for a script; with ``plan`` the parameter of that name is a path.
 
+    What comes later counts, as in ROS 2: a parameter replaces those of files before it.
+
     >>> command_line(["run"], ["--ros-args", "-p", "plan:=a.xml", "-r", "a:=b"], plan=True)
     ['run', '--ros-args', '-r', 'a:=b', '--', '--', 'a.xml']
     """
     rest, section = _split(arguments)
-    kept, options, paths = [], [], []
+    kept, options, of_files = [], {}, set()
     words = iter(section)
     for word in words:
-        value = next(words, None) if word in ("-p", "--param") else None
+        value = next(words, None) if word in (*_PARAMETER, _FILE) else None
         name, sign, text = (value or "").partition(":=")
-        if value is None or not sign or not _is_option(name):
+        if word == _FILE and value is not None:
+            read = {name: each for name, each in of_file(value, section) if _is_option(name)}
+            options |= read
+            of_files |= set(read)
+        if word not in _PARAMETER or not sign or not _is_option(name):
             kept += [word] if value is None else [word, value]
-        elif plan and name == "plan":
-            paths.append(text)
-        else:
-            options += _option(name, text)
+            continue
+        if name in of_files:
+            of_files.remove(name)
+            options[name] = []
+        options.setdefault(name, []).append(text)
     if kept:
         kept = ["--ros-args", *kept, "--"]
+    paths = options.pop("plan", []) if plan else []
     if paths and "--" not in rest:
         rest.append("--")
-    return [*command, *kept, *options, *rest, *paths]
+    flags = [_option(name, text) for name, texts in options.items() for text in texts]
+    return [*command, *kept, *(word for words in flags for word in words), *rest, *paths]
 
 
 def _split(arguments):
@@ -89,4 +102,9 @@ def _main(command, *, plan=False):
             f"(this one is {version}): pip install 'gpsfsm[ros]'\n"
         )
         return _FAILED
-    return main(command_line(command, sys.argv[1:], plan=plan))
+    try:
+        words = command_line(command, sys.argv[1:], plan=plan)
+    except ParameterError as error:
+        sys.stderr.write(f"gpsfsm_ros: {error}\n")
+        return _FAILED
+    return main(words)

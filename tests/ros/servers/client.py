@@ -13,9 +13,10 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
+from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_rosout_default
 from rclpy.task import Future
 
 from tests.ros.servers.base import FakeServer, uuid_of
@@ -57,6 +58,9 @@ class Client(FakeServer):
 
     def do_services(self) -> None:
         self._answer({name: types[0] for name, types in self.node.get_service_names_and_types()})
+
+    def do_nodes(self) -> None:
+        self._answer(self.node.get_node_names())
 
     def do_goal(self, name: str, of_type: str, goal: dict[str, Any]) -> None:
         client = self._action(name, of_type)
@@ -100,6 +104,18 @@ class Client(FakeServer):
         )
         self._answer(as_json(_result(future, PATIENCE)))
         self.node.destroy_subscription(subscription)
+
+    def do_rosout(self) -> None:
+        """Journal the lines of gpsfsm on /rosout from now on."""
+
+        def take(line: Log) -> None:
+            if line.name.rpartition(".")[2].startswith("gpsfsm"):
+                row = {"level": line.level, "name": line.name, "file": line.file}
+                self.journal("line", **row, text=line.msg)
+
+        self.node.create_subscription(
+            Log, "/rosout", take, qos_profile_rosout_default, callback_group=self.group
+        )
 
     def _report(self, key: str, response: Any) -> None:
         names = {value: name for name, value in vars(GoalStatus).items() if "STATUS" in name}
