@@ -88,6 +88,7 @@ class CallFile(FileModel):
     success: Annotated[list[Table], BeforeValidator(_alternatives)] = Field(default_factory=list)
     message: Text = ""
     latched: Flag = False
+    late: Flag = False
     deadline: Number | None = None
     silence: Number = 0.0
     wait: Number = 5.0
@@ -137,6 +138,7 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
         message=model.message,
         frames=tuple(model.transform),
         latched=model.latched,
+        late=model.late,
         deadline_s=_DEADLINES.get(kind, 0.0) if deadline is None else deadline,
         silence_s=model.silence,
         wait_s=model.wait,

@@ -102,7 +102,8 @@ class RosCall:
     of the feedback with the pose of the robot. ``success`` are sets of conditions, one of which has
     to hold whole, and ``message`` is the field that says why none does. ``frames`` are pairs of a
     frame and the frame that is looked up in it, tried in order. ``latched``: the topic keeps its
-    last message for those who come late. Seconds: ``deadline_s`` for all of it, ``silence_s``
+    last message for those who come late. ``late``: its server need not be there when a plan begins.
+    Seconds: ``deadline_s`` for all of it, ``silence_s``
     without feedback, ``wait_s`` for the server to appear, ``probe_s`` for a sign of life; 0 means
     without limit.
     """
@@ -119,6 +120,7 @@ class RosCall:
     message: str = ""
     frames: tuple[tuple[str, str], ...] = ()
     latched: bool = False
+    late: bool = False
     deadline_s: float = 0.0
     silence_s: float = 0.0
     wait_s: float = 5.0

@@ -130,10 +130,16 @@ class RosRunner(Runner):
                 self._client = await self._open_action(services.settings.doubt_s)
             elif call.kind is RosKind.SERVICE:
                 self._client = await Service.open(node, call.name, call.types, call.wait_s)
+                self._kind = self._client.kind
             else:
                 _, self._kind = first_definition(call.types)
         except RosError as error:
             raise RunnerError(str(error)) from None
+
+    @property
+    def kind(self) -> Any:
+        """The definition of what it calls, once it is started; None for a transform."""
+        return self._kind
 
     async def _open_action(self, doubt_s: float) -> Action:
         from rclpy.action import ActionClient
