@@ -314,26 +314,12 @@ def _run(values: RunCommand) -> int:
                 plan = decision.prepared.compiled.automaton.plan
                 check_scenario(scenario, plan, values.scenario)
         if values.dry_run:
-            return _rehearse(submitted, values)
+            from gpsfsm.running.looking import rehearse
+
+            return rehearse(submitted, values.model, as_json=values.output_format == "json")
         if groot is not None:
             terminal.groot = stack.enter_context(groot)
         return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
-
-
-def _rehearse(submitted: list[Submission], values: RunCommand) -> int:
-    """Show what the plans would send, as far as they are admitted."""
-    from gpsfsm.running.admission import Admitted
-    from gpsfsm.running.looking import rehearse
-    from gpsfsm.running.terminal import worst
-
-    model: Any = values.model  # only whether there is one counts: nobody asks it
-    codes = [
-        rehearse(each.decision.prepared, model, as_json=values.output_format == "json")
-        if isinstance(each.decision, Admitted)
-        else getattr(each.decision, "code", 2)
-        for each in submitted
-    ]
-    return worst(codes)
 
 
 def _plans(values: RunCommand) -> list[tuple[str, str]]:

@@ -10,7 +10,6 @@ import asyncio
 import json
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.checking.inputs import read_joined
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.journal import Heading
 from gpsfsm.execution.kernel import parameters
@@ -19,13 +18,13 @@ from gpsfsm.model.ros import RosSettings
 from gpsfsm.model.story import Vocabulary
 from gpsfsm.ros.look import Look, Step, look
 from gpsfsm.ros.runner import RosRunner, Services
+from gpsfsm.running.admission import Admitted, Refused
 from gpsfsm.running.drivers import FROM_COMMAND, Advice, maker_of, real_maker
 from gpsfsm.running.prepare import REAL, prepare
 from gpsfsm.streams import Form, complain, to_stdout
-from gpsfsm.syntax import Limits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.execution.registry import Maker
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from gpsfsm.generation.service import ModelService
     from gpsfsm.model.capability import Provider
     from gpsfsm.running.prepare import Prepared
+    from gpsfsm.running.session import Submission
 
 
 async def refuse_missing(
@@ -63,10 +63,23 @@ async def look_for(
     return await look(steps, Services(settings, prepared.library), offline=offline)
 
 
-def rehearse(
-    prepared: Prepared, model: ModelService | None = None, *, as_json: bool = False
-) -> int:
-    """Fill and write the message of each step and send none: exit code 2 if a run cannot begin."""
+def rehearse(submitted: Sequence[Submission], model: Any, *, as_json: bool) -> int:
+    """Write what the steps of plans would send, and send nothing.
+
+    The exit code is 2 if one cannot begin. ``model``: anything, if runners may ask one.
+    """
+    from gpsfsm.running.terminal import worst
+
+    codes = []
+    for each in submitted:
+        if isinstance(each.decision, Admitted):
+            codes.append(_rehearse(each.decision.prepared, model, as_json))
+        else:
+            codes.append(each.decision.code if isinstance(each.decision, Refused) else 2)
+    return worst(codes)
+
+
+def _rehearse(prepared: Prepared, model: Any, as_json: bool) -> int:
     result = asyncio.run(look_for(prepared))
     for each in result.sent:
         to_stdout(f"{json.dumps(each.data()) if as_json else each}\n", Form.JSON)
@@ -84,6 +97,9 @@ def check_for_robot(
     path: str, capabilities: Capabilities, settings: Mapping[str, Any], *, offline: bool
 ) -> int:
     """Write what a plan needs on ROS 2 and is not there: exit code 1 if it would not begin."""
+    from gpsfsm.checking.inputs import read_joined
+    from gpsfsm.syntax import Limits
+
     limits = Limits()
     name, content = read_joined(path, limits)
     options: dict[str, Any] = {"ros": settings}
