@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, Field
 from gpsfsm.capabilities.defects import Notes, quoted
 from gpsfsm.capabilities.reading import (
     FileModel,
+    Flag,
     Items,
     MappingOf,
     Number,
@@ -112,6 +113,7 @@ class CallFile(FileModel):
     until: Annotated[list[Table], BeforeValidator(_alternatives)] = Field(default_factory=list)
     qos: QosFile | None = None
     max_age: Number | None = None
+    late: Flag = False
     deadline: Number | None = None
     silence: Number = 0.0
     wait: Number = 5.0
@@ -164,6 +166,7 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
         qos=qos,
         max_age_s=model.max_age or 0.0,
         deadline_s=usual if model.deadline is None else model.deadline,
+        late=model.late,
         silence_s=model.silence,
         wait_s=model.wait,
         probe_s=model.probe,

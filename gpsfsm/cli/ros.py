@@ -33,6 +33,15 @@ class RosGateCommand(GateValues, LogValues):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RosCheckCommand(LibraryValues):
+    """The options of ``gpsfsm ros check``."""
+
+    path: str
+    offline: bool
+    ros_args: Sequence[str]
+
+
+@dataclass(frozen=True, kw_only=True)
 class RosStopCommand(LibraryValues):
     """The options of ``gpsfsm ros stop``."""
 
@@ -63,6 +72,18 @@ Exit code: 0 stopped on request, 2 could not start.
 \b
 Example:
   gpsfsm ros gate --robot robot.yaml --receipts decisions.jsonl
+"""
+_CHECK = """Look for all that the plan in PATH (- for standard input) needs on ROS 2.
+
+A plan with a miss does not begin on the robot: an interface that is not installed, a field that it
+does not have, a value that does not fit, a server that is not there. Nothing is sent. This checks
+no plan: 'gpsfsm check' does.
+
+Exit code: 0 all is there, 1 something is missing, 2 could not look.
+
+\b
+Example:
+  gpsfsm ros check plan.xml
 """
 _STOP = """Cancel all goals of all actions of a robot, whoever has sent them.
 
@@ -147,6 +168,27 @@ def _gate(context: click.Context, /, **_: object) -> int:
     )
     with logs.writing(values.log_level, values.log_format), Interruption() as interruption:
         return serve_gate(settings, interruption)
+
+
+@command.command("check", help=_CHECK, short_help="Look for all that a plan needs on a robot.")
+@click.argument("path", metavar="PATH", type=ANY_PATH)
+@declare(
+    "--offline",
+    is_flag=True,
+    common=True,
+    help="Without a robot: check only against the interfaces that are installed.",
+)
+@library_options
+@ros_option
+@click.pass_context
+def _check(context: click.Context, /, **_: object) -> int:
+    """Run ``gpsfsm ros check``."""
+    values = read_values(context, RosCheckCommand)
+    from gpsfsm.running.looking import check_for_robot
+
+    capabilities = values.library
+    settings = ros_settings(capabilities, values.ros_args)
+    return check_for_robot(values.path, capabilities, settings, offline=values.offline)
 
 
 @command.command("stop", help=_STOP, short_help="Cancel all goals of a robot.")

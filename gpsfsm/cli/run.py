@@ -81,6 +81,11 @@ _RUNNER_OPTIONS = (
     ),
     declare("--real", is_flag=True, common=True, help="Run real runners in real time."),
     declare(
+        "--dry-run",
+        is_flag=True,
+        help="With --real: look at the robot and show what would be sent to it, but send nothing.",
+    ),
+    declare(
         "--seed",
         type=int,
         default=0,
@@ -131,6 +136,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     scenario: str | None
     finding: int | None
     real: bool
+    dry_run: bool
     seed: int
     failure: float | None
     speed: float | None
@@ -252,7 +258,9 @@ def _refuse_contradictions(values: RunCommand) -> None:
         raise UsageError("there are more plans than --max-plans allows; raise it or pass fewer")
     if len(values.paths) > 1 and values.scenario:
         raise UsageError("--scenario takes one plan")
-    for name in (*PERMISSIONS, "bond", "via", "ros_args"):
+    if values.dry_run and values.journal:
+        raise UsageError("--dry-run and --journal cannot be used together")
+    for name in (*PERMISSIONS, "bond", "via", "ros_args", "dry_run"):
         if getattr(values, name) and not values.real:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")
     # outcomes that are drawn, or taken from a scenario, ask nobody
@@ -305,6 +313,10 @@ def _run(values: RunCommand) -> int:
             if scenario is not None and values.scenario:
                 plan = decision.prepared.compiled.automaton.plan
                 check_scenario(scenario, plan, values.scenario)
+        if values.dry_run:
+            from gpsfsm.running.looking import rehearse
+
+            return rehearse(submitted, values.model, as_json=values.output_format == "json")
         if groot is not None:
             terminal.groot = stack.enter_context(groot)
         return _drive((base, admission, terminal), submitted, interruption, capabilities, values)

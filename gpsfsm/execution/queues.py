@@ -17,12 +17,15 @@ from gpsfsm.execution.queue_rows import CLIENT
 from gpsfsm.execution.records import Input, Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Awaitable, Callable, Sequence
 
     from gpsfsm.execution.bond import Bond
     from gpsfsm.execution.chain import Due
     from gpsfsm.execution.queue import Gate, PlanState, QueueLog
     from gpsfsm.execution.virtual import VirtualDriver
+
+
+_LOOK_S = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +161,8 @@ class LiveQueue(PlanQueue[Admitted]):
     """Runs plans one after the other in real time, on the event loop that makes it.
 
     Not thread-safe: call it from the event loop, from elsewhere through ``call_soon_threadsafe``.
+    ``look`` raises a UsageError or InputError if what a plan needs is not there, which refuses it;
+    meanwhile the plan waits, and can be cancelled.
     Plans that come in through ``submitted`` are checked in a thread, one after the other; a gate
     that has said nothing after ``gate_s`` seconds refuses the plan.
     """
@@ -172,9 +177,10 @@ class LiveQueue(PlanQueue[Admitted]):
         most_waiting: int = 100,
         most_plans: int = 10_000,
         gate_s: float = 120.0,
+        look: Callable[[PlanState, Admitted], Awaitable[None]] | None = None,
     ) -> None:
         super().__init__(gate, log, bond=bond, most_waiting=most_waiting, most_plans=most_plans)
-        self._make = begin
+        self._make, self._look = begin, look
         self._gate_s = gate_s
         self._turn = asyncio.Lock()  # who submits first is checked first
         self._checking = 0  # submissions without a verdict
@@ -260,8 +266,13 @@ class LiveQueue(PlanQueue[Admitted]):
         self._ready.set()
 
     async def _run(self, plan: int) -> None:
+        missing = await self._looked(plan)
+        if self._next() != plan:  # it was cancelled meanwhile, or nothing may begin
+            return
         compiled = self._begin(plan)
         try:
+            if missing is not None:
+                raise missing
             driver = self._make(self._states[plan - 1], compiled)
         except (UsageError, InputError) as error:
             _raise_of_journal(error)
@@ -272,6 +283,24 @@ class LiveQueue(PlanQueue[Admitted]):
             await driver.run()
         finally:
             self._over(plan, driver)
+
+    async def _looked(self, plan: int) -> UsageError | InputError | None:
+        """The reason why a plan cannot begin; a look that nobody waits for any more is ended."""
+        if self._look is None:
+            return None
+        looking = asyncio.ensure_future(self._look(self._states[plan - 1], self._admitted[plan]))
+        try:
+            while not looking.done() and self._next() == plan:
+                await asyncio.wait({looking}, timeout=_LOOK_S)
+        finally:
+            looking.cancel()
+            await asyncio.wait({looking})
+        if looking.cancelled():
+            return None
+        error = looking.exception()
+        if error is None or isinstance(error, UsageError | InputError):
+            return error
+        raise error
 
 
 def _raise_of_journal(error: UsageError | InputError) -> None:

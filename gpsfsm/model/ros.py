@@ -143,6 +143,7 @@ class RosCall:
     quality of service. Seconds: ``deadline_s`` for all of it, ``silence_s`` without feedback or
     messages, ``wait_s`` for the server to appear, ``probe_s`` for a sign of life, ``max_age_s``
     that a message may be old; 0 means without limit, and for ``max_age_s`` what docs/ros.md says.
+    ``late``: its server need not be there when a plan begins.
     """
 
     kind: RosKind
@@ -159,6 +160,7 @@ class RosCall:
     until: tuple[tuple[Condition, ...], ...] = ()
     qos: Quality = Quality()
     max_age_s: float = 0.0
+    late: bool = False
     deadline_s: float = 0.0
     silence_s: float = 0.0
     wait_s: float = 5.0

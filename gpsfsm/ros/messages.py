@@ -42,6 +42,10 @@ class MissingPackageError(RosError):
     """A package of definitions is not installed."""
 
 
+class NoCountError(RosError):
+    """Nothing makes the items of a list of messages."""
+
+
 def definition(name: str) -> Any:
     """The class of a definition such as ``nav2_msgs/action/NavigateToPose``.
 
@@ -186,7 +190,7 @@ def _fill_items(message: Any, name: str, kind: str, entries: list[_Entry]) -> No
     if len(counts) > 1:
         raise RosError(f"the lists for {where} differ in length, or do not fit it, a {kind}")
     if not counts and not items:
-        raise RosError(f"nothing says how many items the list {where} has: fill it with a list")
+        raise NoCountError(f"nothing says how many items the list {where} has: fill it with a list")
     count = counts.pop() if counts else len(items)
     if not count:
         raise RosError(f"the list for {where} is empty")
@@ -196,6 +200,39 @@ def _fill_items(message: Any, name: str, kind: str, entries: list[_Entry]) -> No
         setattr(message, name, items)
     for number, item in enumerate(items):
         _fill(item, [each.within(number if each in makers else None) for each in entries])
+
+
+def misfit(
+    message: Any, path: str, value: RunValue | None = None, *, optional: bool = False
+) -> str:
+    """The reason why a value cannot be in a field, whatever else fills its message; "" if it can.
+
+    Without a value: why none can.
+    """
+    try:
+        kind = kind_at(message, path.replace("[]", "[all]"))
+        if path.endswith("[]") or "/" in kind:
+            return f"the field {path} is not a value but a {kind}: fill the fields of its messages"
+        if value is None:
+            return ""
+        entry = _entry(message, path, value, optional)
+        levels = min(entry.depth, entry.lists) - (_SEQUENCE.fullmatch(kind) is not None)
+        for leaf in _leaves(entry.value, levels):
+            _typed(leaf, kind, path)
+    except _NoFieldError as error:
+        return "" if optional else str(error)
+    except RosError as error:
+        return str(error)
+    except ValueError:
+        return f"{clip(path, 200)!r} is not a field"
+    return ""
+
+
+def _leaves(value: RunValue, levels: int) -> list[RunValue]:
+    """The values within so many levels of lists."""
+    if levels <= 0 or not isinstance(value, list):
+        return [value]
+    return [leaf for each in value for leaf in _leaves(each, levels - 1)]
 
 
 def _depth(value: RunValue, path: str) -> tuple[int, bool]:

@@ -184,12 +184,18 @@ class RosRunner(Runner):
                 self._client = await self._open_action(services.settings.doubt_s)
             elif call.kind is RosKind.SERVICE:
                 self._client = await Service.open(node, call.name, call.types, call.wait_s)
+                self._kind = self._client.kind
             else:
                 key = context.interface, context.provider
                 self._client = await asyncio.to_thread(services.topics.of, node, key, call)
                 self._kind = self._client.kind
         except RosError as error:
             raise RunnerError(str(error)) from None
+
+    @property
+    def kind(self) -> Any:
+        """The definition of what it calls, once it is started; None for a transform."""
+        return self._kind
 
     async def _open_action(self, doubt_s: float) -> Action:
         from rclpy.action import ActionClient
@@ -529,7 +535,7 @@ def _filled(
 
 def _value(value: Any, parameters: Mapping[str, RunValue]) -> Any:
     if isinstance(value, str) and value.startswith("$"):
-        return _parameter(*parameter_in(value), parameters)
+        return parameter_value(*parameter_in(value), parameters)
     if isinstance(value, tuple):
         items = [_value(each, parameters) for each in value]
         if None in items:
@@ -538,7 +544,7 @@ def _value(value: Any, parameters: Mapping[str, RunValue]) -> Any:
     return value
 
 
-def _parameter(name: str, axis: str, parameters: Mapping[str, RunValue]) -> RunValue | None:
+def parameter_value(name: str, axis: str, parameters: Mapping[str, RunValue]) -> RunValue | None:
     """The value of a parameter; with an axis, that part of the quaternion of this yaw."""
     value = parameters.get(name)
     if not axis or value is None:

@@ -11,6 +11,7 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.model.printable import clip
 from gpsfsm.ros.messages import definition, fill, first_definition
 from gpsfsm.ros.node import Answer, RosError
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from gpsfsm.ros.node import RosNode
 
 _LOOK_S = 0.02
+_MOST_NEAR = 3
 _BEAT_S = 1.0
 _MISSED = 2
 """Looks at the graph, a second apart, in which a server must be missing to count as gone."""
@@ -72,7 +74,24 @@ def absence(node: RosNode, what: str, name: str, kind: str, wait_s: float) -> st
     return (
         f"the {what} {full} is not available (waited {wait_s:g} s in domain {domain}): start what "
         "offers it, or set domain, namespace and names in the robot profile"
+        f"{_instead(handle, what, full, kind, listed)}"
     )
+
+
+def _instead(
+    handle: Any, what: str, full: str, kind: str, listed: Sequence[tuple[str, Sequence[str]]]
+) -> str:
+    """The servers on the graph that may be meant: of the same name elsewhere, or of the type."""
+    last = full.rpartition("/")[2]
+    near = [
+        f"{name} ({', '.join(kinds)})"
+        for name, kinds in listed
+        if name != full
+        and (name.rpartition("/")[2] == last or kind in kinds)
+        and _served(handle, what, name)
+    ]
+    shown = ", ".join(near[:_MOST_NEAR])
+    return f"; the robot has {clip(shown, 500)}" if near else ""
 
 
 def _served(handle: Any, what: str, full: str) -> bool:
@@ -115,10 +134,10 @@ async def offered_definition(
 
 
 class Service:
-    """A client of one service."""
+    """A client of one service; ``kind`` is the definition that it has."""
 
     def __init__(self, node: RosNode, client: Any, kind: Any) -> None:
-        self._node, self._client, self._kind = node, client, kind
+        self._node, self._client, self.kind = node, client, kind
 
     @classmethod
     async def open(
@@ -155,7 +174,7 @@ class Service:
         the response, also if nobody waits for it any more.
         Raises TimeoutError, and RosError for fields that the definition does not have.
         """
-        request = self._kind.Request()
+        request = self.kind.Request()
         fill(request, values, optional)
         futures: list[Any] = []
 

@@ -67,7 +67,12 @@ class Refused(Refusal):
 
 Decision = Admitted | Refused
 
-_NEEDED = ("networkx", "gpsfsm.execution.realtime", "gpsfsm.running.session")
+_NEEDED = (
+    "networkx",
+    "gpsfsm.execution.realtime",
+    "gpsfsm.running.session",
+    "gpsfsm.running.looking",
+)
 """The modules that a real run needs once its plan is accepted, and that take long to load."""
 
 

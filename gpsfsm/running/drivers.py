@@ -21,7 +21,7 @@ from gpsfsm.running.interruption import Interruption
 from gpsfsm.running.prepare import DRAWN, SCENARIO, WORLD, texts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.capabilities.describe import LeastFile
     from gpsfsm.capabilities.library import Library
@@ -252,17 +252,20 @@ def real_maker(
     model: ModelService | None = None,
     runners: Mapping[str, type[Runner]] | None = None,
     advice: Advice = FROM_COMMAND,
+    missing: Sequence[str] = (),
 ) -> Maker:
     """The maker of the real runners of a plan; ``runners`` come before those installed.
 
     Raises GpsfsmError if one is not described or not installed, or wants to ask a model and there
-    is none.
+    is none, or if something is ``missing`` on the robot.
     """
-    maker, names = _maker(prepared, runners, advice)
+    maker, names = maker_of(prepared, runners, advice)
     problems = _undecided(prepared) or maker.problems(names)
     if not problems and model is None:
         asking = [each for each in names if hasattr(maker.runner_class(*each), "asks_model")]
         problems = [f"{name} asks a language model; {advice.model}" for name, _ in asking]
+    problems = [each for each in problems if not any(each in miss for miss in missing)]
+    problems += missing
     if problems:
         lines = _to_write(prepared, maker, names, advice)
         raise GpsfsmError("\n".join((_not_real(prepared), *problems, *lines)))
@@ -291,7 +294,7 @@ def refuse_unbound(prepared: Prepared, advice: Advice = FROM_COMMAND) -> None:
 
     A check lets most of such plans pass: it finds nothing in what no file describes.
     """
-    maker, runners = _maker(prepared, act=False)
+    maker, runners = maker_of(prepared, act=False)
     problems = maker.unbound(runners) + _undecided(prepared)
     if problems:
         lines = _to_write(prepared, maker, runners, advice)
@@ -313,7 +316,7 @@ def _undecided(prepared: Prepared) -> list[str]:
     return [*reasons]
 
 
-def _maker(
+def maker_of(
     prepared: Prepared,
     runners: Mapping[str, type[Runner]] | None = None,
     advice: Advice = FROM_COMMAND,

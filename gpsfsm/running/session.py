@@ -255,6 +255,7 @@ class Session:
             bond=bond,
             most_waiting=self._most_waiting,
             most_plans=self._most_plans,
+            look=self._look,
         )
         self.queue = live
         return live
@@ -387,6 +388,22 @@ class Session:
         return VirtualRun(run, driver, pace, shared, self._observer)
 
     # -- in real time -------------------------------------------------------------------------
+
+    async def _look(self, state: PlanState, admitted: Admitted) -> None:
+        """Raises InputError with all that a plan needs on the robot and that is not there.
+
+        A run that goes on has been looked at, and its goals may act: it is to take them up.
+        """
+        if state.plan in self._begun or state.plan in self.queue.ending:
+            return
+        from gpsfsm.running.looking import refuse_missing
+
+        of_runners = self._setting.model, self._runners, self._admission.advice
+        try:
+            await refuse_missing(admitted.prepared, *of_runners)
+        except GpsfsmError as error:
+            self._observer.cannot_run(state.plan, str(error))
+            raise InputError(str(error)) from error
 
     def _live(self, state: PlanState, admitted: Admitted) -> LiveRun:
         prepared = admitted.prepared

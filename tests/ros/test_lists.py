@@ -102,7 +102,7 @@ def test_lists_in_lists_arrive_and_what_is_picked_comes_back(ros: Domain) -> Non
 def test_what_does_not_fit_is_not_sent(ros: Domain) -> None:
     server = ros.server("arm")
     code, out = moved(ros, server, "0.1 0.2 0.3")
-    assert code == 1
+    assert code == 2
     assert "the lists for joints of Constraint differ in length" in out
     assert server.journal("goal") == []
 

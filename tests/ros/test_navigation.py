@@ -218,9 +218,9 @@ def test_a_server_that_was_restarted_has_lost_the_goal(ros: Domain) -> None:
 
 def test_definitions_that_differ_are_said_to_differ(ros: Domain) -> None:
     ros.server("nav2", variants=("humble",))
-    ended = run(ros, plan(ros, waypoint(1.0)), code=1)
+    ended = run(ros, plan(ros, waypoint(1.0)), code=2)
     assert (
-        "is listed as nav2_msgs/action/NavigateToPose, but the types do not match" in ended.stdout
+        "is listed as nav2_msgs/action/NavigateToPose, but the types do not match" in ended.stderr
     )
 
 
@@ -236,9 +236,9 @@ def test_a_robot_with_older_definitions_is_driven_with_them(ros: Domain) -> None
 
 def test_no_server_is_a_failure_that_says_what_to_do(ros: Domain) -> None:
     folder = provider_file(ros, "  wait: 0.5\n")
-    ended = run(ros, plan(ros, waypoint(1.0, provider=MINE)), "--capabilities", folder, code=1)
+    ended = run(ros, plan(ros, waypoint(1.0, provider=MINE)), "--capabilities", folder, code=2)
     assert f"is not available (waited 0.5 s in domain {ros.number}): start what offers it" in (
-        ended.stdout
+        ended.stderr
     )
 
 
