@@ -170,16 +170,11 @@ def via_option(command: Callable[..., Any]) -> Callable[..., Any]:
 def ros_settings(
     capabilities: Capabilities, arguments: Sequence[str], via: str | None = None
 ) -> dict[str, Any]:
-    """The place of the robot on the network, as the heading of a run holds it.
-
-    Raises UsageError for arguments that no node takes.
-    """
+    """The place of the robot on the network, as the heading of a run holds it."""
     from gpsfsm.model.ros import RosSettings
+    from gpsfsm.ros.node import refuse_malformed
 
-    if arguments:
-        from gpsfsm.ros.node import refuse_malformed
-
-        refuse_malformed(arguments)
+    refuse_malformed(arguments)
     settings = RosSettings() if capabilities.robot is None else capabilities.robot.ros
     return replace(settings, arguments=tuple(arguments), via=via or settings.via).data()
 

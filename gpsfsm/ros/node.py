@@ -263,6 +263,8 @@ def refuse_malformed(words: Sequence[str]) -> None:
 
     Without rclpy there is no node that could read them.
     """
+    if not words:
+        return
     try:
         rclpy = rclpy_module()
     except RosError:

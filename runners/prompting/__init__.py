@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.prompts import PromptBuffers
@@ -84,6 +85,49 @@ class PosePrompt(Prompt):
         return f"The robot is at this pose: {pose}."
 
 
+class NamedPosesPrompt(Prompt):
+    """Tells the model which poses of the arm have names."""
+
+    @classmethod
+    def prompt(cls, parameters: Mapping[str, RunValue]) -> str:
+        """A line for each name."""
+        names, words = _items(parameters, "pose_names"), _items(parameters, "descriptions")
+        lines = [
+            f"{name}: {said}".rstrip(": ") for name, said in zip_longest(names, words, fillvalue="")
+        ]
+        return "\n".join(("The arm has these named poses:", *lines))
+
+
+class JointsPrompt(Prompt):
+    """Tells the model where joints are. ``part`` is the part of the robot that has them."""
+
+    part = "arm"
+
+    @classmethod
+    def prompt(cls, parameters: Mapping[str, RunValue]) -> str:
+        """The positions in words."""
+        names = _items(parameters, "joint_names")
+        pairs = zip_longest(names, _items(parameters, "joint_positions"), fillvalue="?")
+        return f"The joints of the {cls.part} are at: {', '.join(map(' '.join, pairs))}."
+
+
+class GripperPrompt(JointsPrompt):
+    """Tells the model how far the gripper is open."""
+
+    part = "gripper"
+
+
+class ArmPosePrompt(Prompt):
+    """Tells the model where the hand of the arm is."""
+
+    @classmethod
+    def prompt(cls, parameters: Mapping[str, RunValue]) -> str:
+        """The pose in words."""
+        names = (*_POSE, "roll", "pitch", "yaw")
+        pose = ", ".join(f"{name} {text_of(parameters.get(name))}" for name in names)
+        return f"The arm is at this pose: {pose}."
+
+
 class OccupancyPrompt(Prompt):
     """Tells the model the map."""
 
@@ -150,6 +194,12 @@ class PlanPrompt(Prompt):
         """The plan."""
         del buffered
         return {"ReceivedPlan": answer}
+
+
+def _items(parameters: Mapping[str, RunValue], name: str) -> list[str]:
+    """The items of a list as texts."""
+    value = parameters.get(name)
+    return [text_of(each) for each in (value if isinstance(value, list) else [value])]
 
 
 async def ask_model(
@@ -243,6 +293,22 @@ class PromptTextRunner(TextPrompt, Prompting):
 
 class PromptPoseRunner(PosePrompt, Prompting):
     """Tells the model where the robot is."""
+
+
+class PromptNamedPosesRunner(NamedPosesPrompt, Prompting):
+    """Tells the model which poses of the arm have names."""
+
+
+class PromptCurrentJointPoseRunner(JointsPrompt, Prompting):
+    """Tells the model where the joints of the arm are."""
+
+
+class PromptGripperStateRunner(GripperPrompt, Prompting):
+    """Tells the model how far the gripper is open."""
+
+
+class PromptCurrentCartesianPoseRunner(ArmPosePrompt, Prompting):
+    """Tells the model where the hand of the arm is."""
 
 
 class PromptOccupancyRunner(OccupancyPrompt, Prompting):

@@ -90,6 +90,22 @@ class PromptPoseRunner(prompting.PosePrompt, Prompting):
     """Tells the model where the robot is."""
 
 
+class PromptNamedPosesRunner(prompting.NamedPosesPrompt, Prompting):
+    """Tells the model which poses of the arm have names."""
+
+
+class PromptCurrentJointPoseRunner(prompting.JointsPrompt, Prompting):
+    """Tells the model where the joints of the arm are."""
+
+
+class PromptGripperStateRunner(prompting.GripperPrompt, Prompting):
+    """Tells the model how far the gripper is open."""
+
+
+class PromptCurrentCartesianPoseRunner(prompting.ArmPosePrompt, Prompting):
+    """Tells the model where the hand of the arm is."""
+
+
 class PromptOccupancyRunner(prompting.OccupancyPrompt, Prompting):
     """Tells the model the map."""
 

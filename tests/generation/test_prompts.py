@@ -71,16 +71,16 @@ def test_an_old_file_is_offered_with_its_command() -> None:
 
 
 def test_only_some() -> None:
-    names = [offer.name for offer in offers(LIBRARY, ["nav2_*/W*", "SpeechRunner"])]
+    names = [offer.name for offer in offers(LIBRARY, ["nav2_*/WaypointR*", "SpeechRunner"])]
     assert names == ["nav2_capabilities/WaypointRunner", "perception_capabilities/SpeechRunner"]
     with pytest.raises(UsageError, match="no capability matches 'fly'"):
-        offers(LIBRARY, ["nav2_*/W*", "fly"])
+        offers(LIBRARY, ["nav2_*/WaypointR*", "fly"])
 
 
 def test_by_a_closed_library_nothing_else_is_there() -> None:
     everything = closed(LIBRARY)
     assert (everything.complete, everything.interfaces) == (True, LIBRARY.interfaces)
-    some = closed(LIBRARY, ["nav2_*/W*"])
+    some = closed(LIBRARY, ["nav2_*/WaypointR*"])
     assert set(some.interface_names) == {
         "fabric_capabilities/FabricCompletionRunner",
         "nav2_capabilities/WaypointRunner",
@@ -228,7 +228,7 @@ def test_the_third_task_of_the_paper_is_short_enough() -> None:
     grammars = grammars_for(builtin_capabilities(), only=prompt.offered)
     assert len(grammars) == 3
     for _, grammar in grammars:  # one of them is sent beside it
-        assert length + len(grammar) <= 12_000
+        assert length + len(grammar) <= 14_000  # four runners, of which two drive
 
 
 # -- templates, tokens, worlds ------------------------------------------------------------------

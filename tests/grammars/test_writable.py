@@ -204,7 +204,7 @@ def texts() -> dict[str, str]:
 def test_the_shipped_grammars_are_up_to_date() -> None:
     shipped = {name: (REPO / "grammars" / name).read_bytes().decode("ascii") for name in texts()}
     assert shipped == texts(), "run make docs"
-    assert {name: len(text) < 50_000 for name, text in shipped.items()} == {
+    assert {name: len(text) < 60_000 for name, text in shipped.items()} == {
         "plan.gbnf": True,
         "plan.lark": True,
         "plan.schema.json": True,

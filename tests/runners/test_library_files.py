@@ -25,6 +25,11 @@ LABELS = {"interface", "provider", "name", "id"}
 POSE = {"x", "y", "z", "qx", "qy", "qz", "qw"}
 TEXTS = {f"perception_capabilities/{name}Runner" for name in ("Speech", "Sentiment", "Check")}
 TEXTS |= {"prompt_capabilities/PromptTextRunner", "generic_capabilities/LogRunner"}
+OF_AN_ARM = {
+    *(("pose_names", "string[]"), ("descriptions", "string[]")),
+    *(("joint_names", "string[]"), ("joint_positions", "double[]")),
+}
+"""What only runners hand over that robots with an arm describe themselves."""
 PYTHON = {"generic_capabilities/PythonRunner"}
 PYTHON_TYPES = {"string": str, "bool": bool, "int": int, "double": float}
 
@@ -215,10 +220,11 @@ def test_no_value_replaces_a_literal_by_accident() -> None:
             read[word].add(name)
     handed = {word for data in providers().values() for word in outputs(data)}
     poses = {"nav2_capabilities/WaypointRunner", "prompt_capabilities/PromptPoseRunner"}
+    poses |= {"prompt_capabilities/PromptCurrentCartesianPoseRunner"}
     places = poses | {"nav2_capabilities/WaypointYawRunner"}  # by name only: it has no inputs
     assert {word: read[word] for word in sorted(handed) if word in read} == {
         **dict.fromkeys(POSE, poses),
-        **dict.fromkeys("xyz", places),
+        **dict.fromkeys("xy", places),
         "CapabilitySpecs": {"prompt_capabilities/PromptCapabilityRunner"},
         "OccupancyGrid": {"prompt_capabilities/PromptOccupancyRunner"},
         "ReceivedPlan": {"fabric_capabilities/FabricSetPlanRunner"},
@@ -242,7 +248,7 @@ def test_what_can_only_arrive_is_supplied_by_some_runner() -> None:
         if entry.get("required") and entry["satisfiable_from"] == ["upstream"]
     }
     assert needed
-    assert needed <= handed
+    assert needed - handed == OF_AN_ARM
 
 
 def test_prompt_runners_that_only_fill_never_fail() -> None:
@@ -256,7 +262,10 @@ def test_prompt_runners_that_only_fill_never_fail() -> None:
     }
     assert {name for name in safe if name in prompting} == {
         f"prompt_capabilities/Prompt{what}Runner"
-        for what in ("Text", "Capability", "Pose", "Occupancy")
+        for what in (
+            *("Text", "Capability", "Pose", "Occupancy"),
+            *("NamedPoses", "CurrentJointPose", "CurrentCartesianPose", "GripperState"),
+        )
     }
     for name, unless in safe.items():
         assert unless == ({"flush": True} if name in prompting else {})
@@ -302,8 +311,7 @@ def test_real_plans_write_little_that_is_unknown(shared_corpus: Path) -> None:
     undescribed = {name for name, attribute in attributes if not attribute}
     assert "capabilities2_runner/PromptTextRunner" in undescribed
     assert {name.partition("/")[0] for name in undescribed} == {
-        *("capabilities2_runner", "prompt_capabilities"),
-        *("gripper_capabilities", "moveit2_capabilities"),
+        *("capabilities2_runner", "gripper_capabilities", "moveit2_capabilities"),
     }
 
 

@@ -70,6 +70,25 @@ def test_a_pose_and_the_capabilities_in_words() -> None:
     assert requests[1] == "The robot can do this:\na\nb"
 
 
+def test_an_arm_and_its_gripper_in_words() -> None:
+    model, services = Scripted(["I see."]), {"prompts": PromptBuffers()}
+    services["model"] = service(model)
+    joints = {"joint_names": ["base", "elbow"], "joint_positions": [0.5, -1.25]}
+    hand = {"x": 0.5, "y": 0.0, "z": 1.0, "qw": 1.0, "yaw": 0.25}
+    names = {"pose_names": ["home", "up", "odd"], "descriptions": ["folded", "as high as it gets"]}
+    act(prompting.PromptNamedPosesRunner(), services, flush=True, **names)
+    act(prompting.PromptCurrentJointPoseRunner(), services, flush=True, **joints)
+    act(prompting.PromptGripperStateRunner(), services, flush=True, **joints)
+    act(prompting.PromptCurrentCartesianPoseRunner(), services, flush=True, **hand)
+    assert [messages(each) for each in model.requests] == [
+        "The arm has these named poses:\nhome: folded\nup: as high as it gets\nodd",
+        "The joints of the arm are at: base 0.5, elbow -1.25.",
+        "The joints of the gripper are at: base 0.5, elbow -1.25.",
+        "The arm is at this pose: x 0.5, y 0.0, z 1.0, qx , qy , qz , qw 1.0, roll , pitch , "
+        "yaw 0.25.",
+    ]
+
+
 def test_a_plan_is_asked_for_until_one_is_good() -> None:
     model = Scripted(["I would rather not.", f"Here it is: {PLAN}"])
     text = plan(

@@ -12,6 +12,7 @@ from gpsfsm.simulation.world import Answer, Person, Reply, Sound, Stay
 from tests.simulation.support import LIBRARY, field_of
 
 POSE = {"x": 1.0, "y": 1.0, "z": 0.0, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}
+JOINTS = {"joint_names": ["a", "b"], "joint_positions": [0.1, 0.2]}
 PARAMETERS = {
     "nav2_capabilities/WaypointRunner": POSE,
     "nav2_capabilities/WaypointYawRunner": {"x": 1.0, "y": 1.0, "yaw": 1.5, "frame": "map"},
@@ -23,6 +24,10 @@ PARAMETERS = {
     "prompt_capabilities/PromptPoseRunner": {**POSE, "uuid": "u", "flush": True},
     "prompt_capabilities/PromptCapabilityRunner": {"CapabilitySpecs": ["a"], "flush": True},
     "prompt_capabilities/PromptOccupancyRunner": {"OccupancyGrid": "#", "flush": False},
+    "prompt_capabilities/PromptNamedPosesRunner": {"pose_names": ["a"], "descriptions": ["b"]},
+    "prompt_capabilities/PromptCurrentJointPoseRunner": JOINTS,
+    "prompt_capabilities/PromptGripperStateRunner": {**JOINTS, "flush": True},
+    "prompt_capabilities/PromptCurrentCartesianPoseRunner": POSE,
     "prompt_capabilities/PromptSpeechRunner": {"task": "t", "flush": True},
     "prompt_capabilities/PromptPlanRunner": {"task": "t", "flush": True},
     "fabric_capabilities/FabricSetPlanRunner": {"ReceivedPlan": "<Plan/>"},
