@@ -85,8 +85,8 @@ qualities = st.builds(
 )  # fmt: skip
 calls = st.none() | st.builds(
     RosCall, st.sampled_from(RosKind), texts, many, requests, many, pairs, pairs, texts, successes,
-    texts, pairs, successes, qualities, seconds, seconds, seconds, seconds, seconds,
-    st.sampled_from(OnResume),
+    texts, pairs, successes, qualities, seconds, st.booleans(), seconds, seconds,
+    seconds, seconds, st.sampled_from(OnResume),
 )  # fmt: skip
 providers = st.builds(
     Provider, texts, texts, texts, texts, texts, texts, st.booleans(),
