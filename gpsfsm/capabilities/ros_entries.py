@@ -138,12 +138,7 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
     parameters |= {each.name for each in provider.inputs}
     request = _request(model, parameters, notes)
     qos = _quality(model.qos, notes)
-    success, until = (
-        tuple(
-            tuple(_condition(field, table, parameters, notes) for field in table) for table in sets
-        )
-        for sets in (model.success, model.until)
-    )
+    success, until = (_sets(each, parameters, notes) for each in (model.success, model.until))
     for frame in (each for pair in model.transform for each in pair):
         if frame.startswith("$"):
             _check_parameter(frame, parameters, model.at("transform"), notes)
@@ -159,10 +154,10 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
         outputs=tuple(model.outputs.items()),
         feedback=tuple(model.feedback.items()),
         pose=model.pose,
-        success=tuple(tuple(filter(None, each)) for each in success),
+        success=success,
         message=model.message,
         frames=tuple(model.transform),
-        until=tuple(tuple(filter(None, each)) for each in until),
+        until=until,
         qos=qos,
         max_age_s=model.max_age or 0.0,
         deadline_s=usual if model.deadline is None else model.deadline,
@@ -172,6 +167,13 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
         probe_s=model.probe,
         on_resume=OnResume(model.on_resume),
     )
+
+
+def _sets(
+    sets: list[Table], parameters: set[str], notes: Notes
+) -> tuple[tuple[Condition, ...], ...]:
+    rows = [[_condition(field, each, parameters, notes) for field in each] for each in sets]
+    return tuple(tuple(filter(None, each)) for each in rows)
 
 
 def _check(model: CallFile, kind: RosKind, name: str, provider: Provider, notes: Notes) -> None:

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from gpsfsm.running.scenario import FromFile
     from gpsfsm.running.session import Submission
     from gpsfsm.running.terminal import Terminal
+    from gpsfsm.watch.groot_stream import GrootStream
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm run plan.xml"""
@@ -277,11 +278,7 @@ def _run(values: RunCommand) -> int:
     from gpsfsm.running.terminal import Show, Terminal
 
     plans = _plans(values)
-    groot = None
-    if values.groot is not None:
-        from gpsfsm.watch.groot_stream import stream_of
-
-        groot = stream_of(values.groot, plans, from_response=values.from_response)
+    groot = _groot(values, plans)
     capabilities = values.library
     scenario = None
     if values.scenario:
@@ -320,6 +317,14 @@ def _run(values: RunCommand) -> int:
         if groot is not None:
             terminal.groot = stack.enter_context(groot)
         return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
+
+
+def _groot(values: RunCommand, plans: Sequence[tuple[str, str]]) -> GrootStream | None:
+    if values.groot is None:
+        return None
+    from gpsfsm.watch.groot_stream import stream_of
+
+    return stream_of(values.groot, plans, from_response=values.from_response)
 
 
 def _plans(values: RunCommand) -> list[tuple[str, str]]:

@@ -10,15 +10,26 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import LoadContext, RunnerError
+from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import RosKind
-from gpsfsm.ros.fields import Request, answer_misses, answer_type, lesser_misses, request_type
+from gpsfsm.ros.fields import (
+    Request,
+    answer_misses,
+    answer_type,
+    lesser_misses,
+    request_type,
+    settled,
+)
 from gpsfsm.ros.messages import as_value, first_definition
-from gpsfsm.ros.node import RosError
+from gpsfsm.ros.node import RosError, process_node
 from gpsfsm.ros.runner import RosRunner, Services
+from gpsfsm.ros.services import published
+from gpsfsm.ros.transforms import Transforms
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -27,6 +38,8 @@ if TYPE_CHECKING:
     from gpsfsm.model.ros import RosCall
 
 Key = tuple[str, str]
+_LOOK_S = 0.02
+_MOST_FRAMES = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +126,10 @@ async def look(steps: Sequence[Step], services: Services, *, offline: bool = Fal
     rows = await asyncio.gather(*(_reached(services, key, offline) for key in keys))
     results = dict(zip(keys, rows, strict=True))
     result = Look(sum(step.acts for step in steps))
-    for step in steps:
+    frames = await asyncio.gather(*(_frames(services, step, offline) for step in steps))
+    for step, unseen in zip(steps, frames, strict=True):
         kind, why = results[step.key]
-        result.add(step, [why] * bool(why))
+        result.add(step, filter(None, (why, unseen)))
         if kind is not None:
             _compare(step, services.call(*step.key), kind, result)
     return result
@@ -136,11 +150,37 @@ async def _reached(services: Services, key: Key, offline: bool) -> tuple[Any, st
     runner = RosRunner()
     try:
         await runner.start(LoadContext(*key, {"ros": services}))
+        if call.kind is RosKind.TOPIC:
+            name, _ = first_definition(call.types)
+            await published(process_node(), call.name, name, call.wait_s)
         return runner.kind, ""
     except (RunnerError, RosError) as error:
         return kind, str(error)
     finally:
         await runner.stop()
+
+
+async def _frames(services: Services, step: Step, offline: bool) -> str:
+    """The reason why a step cannot look up its transform; "" if it can, or has other frames."""
+    try:
+        call = services.call(*step.key)
+        if call.kind is not RosKind.TRANSFORM or call.late or offline:
+            return ""
+        pairs = [settled(pair, step.parameters, step.open_names) for pair in call.frames]
+        if not all(is_settled for _, is_settled in pairs):
+            return ""
+        transforms = await asyncio.to_thread(lambda: Transforms.of(process_node()))
+    except (RunnerError, RosError):  # the runner cannot be started either
+        return ""
+    end = time.monotonic() + call.wait_s
+    while not any(transforms.pose(str(outer), str(inner)) for (outer, inner), _ in pairs):
+        if time.monotonic() > end:
+            missing = " or ".join(f"from {outer} to {inner}" for (outer, inner), _ in pairs)
+            frames = ", ".join(transforms.frames()[:_MOST_FRAMES]) or "none"
+            waited = f"waited {call.wait_s:g} s"
+            return clip(f"there is no transform {missing} ({waited}); its frames: {frames}", 1000)
+        await asyncio.sleep(_LOOK_S)
+    return ""
 
 
 def _compare(step: Step, call: RosCall, kind: Any, result: Look) -> None:

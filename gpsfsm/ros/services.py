@@ -45,8 +45,19 @@ async def appeared(
         await asyncio.sleep(_LOOK_S)
 
 
+async def published(node: RosNode, name: str, kind: str, wait_s: float) -> None:
+    """Wait for a publisher of a topic. Raises NoServerError."""
+    full = node.name(name)
+
+    def ready() -> bool:
+        infos = node.handle.get_publishers_info_by_topic(full)
+        return any(info.topic_type == kind for info in infos)
+
+    await appeared(node, ready, lambda: absence(node, "topic", name, kind, wait_s), wait_s)
+
+
 def absence(node: RosNode, what: str, name: str, kind: str, wait_s: float) -> str:
-    """The reason why a service or an action (``what``) has no server, as the graph shows it.
+    """The reason why an action, a service or a topic (``what``) has no server, by the graph.
 
     To be called in the thread of the node. ``name`` is as the client has it, ``kind`` its
     definition.
@@ -55,11 +66,11 @@ def absence(node: RosNode, what: str, name: str, kind: str, wait_s: float) -> st
 
     handle = node.handle
     full = node.name(name)
-    listed = (
-        get_action_names_and_types(handle)
-        if what == "action"
-        else handle.get_service_names_and_types()
-    )
+    listed = {
+        "action": lambda: get_action_names_and_types(handle),
+        "service": handle.get_service_names_and_types,
+        "topic": handle.get_topic_names_and_types,
+    }[what]()
     offered = [each for other, kinds in listed if other == full for each in kinds]
     others = [each for each in offered if each != kind]
     clients_only = not others and not _served(handle, what, full)
@@ -98,6 +109,8 @@ def _served(handle: Any, what: str, full: str) -> bool:
     """True if some node of the graph is the server of a name; clients are listed as well."""
     from rclpy.action import get_action_server_names_and_types_by_node
 
+    if what == "topic":
+        return bool(handle.count_publishers(full))
     for node, space in handle.get_node_names_and_namespaces():
         if (node, space) == (handle.get_name(), handle.get_namespace()):
             continue

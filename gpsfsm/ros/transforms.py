@@ -102,6 +102,11 @@ class Tree:
                     return times(inverse(above[frame]), transform)
         return None
 
+    def frames(self) -> list[str]:
+        """The names of all frames."""
+        with self._lock:
+            return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
+
     def _up(self, frame: str) -> Iterable[tuple[str, Transform]]:
         """A frame and all above it, each with the pose of the first one in it."""
         transform = UNIT
@@ -142,6 +147,10 @@ class Transforms:
             place, turn = each.transform.translation, each.transform.rotation
             transform = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
             self._tree.put(each.header.frame_id, each.child_frame_id, transform)
+
+    def frames(self) -> list[str]:
+        """The names of all frames that have been published."""
+        return self._tree.frames()
 
     def pose(self, outer: str, inner: str) -> dict[str, float] | None:
         """The pose of a frame in another one, by x, y, z, qx, qy, qz, qw; None if unknown yet."""

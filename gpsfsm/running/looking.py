@@ -60,7 +60,11 @@ async def look_for(
     if not steps:
         return Look()
     settings = RosSettings.of(prepared.heading.options.get("ros"))
-    return await look(steps, Services(settings, prepared.library), offline=offline)
+    services = Services(settings, prepared.library)
+    try:
+        return await look(steps, services, offline=offline)
+    finally:
+        services.topics.close()
 
 
 def rehearse(submitted: Sequence[Submission], model: Any, *, as_json: bool) -> int:

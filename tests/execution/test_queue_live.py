@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from gpsfsm.errors import InputError
 from gpsfsm.execution.bond import Bond
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.queue import (
@@ -118,6 +119,43 @@ def test_in_real_time_plans_are_cancelled_and_the_bond_holds_them_back() -> None
         return bench.statuses()
 
     assert asyncio.run(client()) == ["CANCELLED"] * 4
+
+
+@pytest.mark.parametrize("meanwhile", ["cancel", "hold", ""])
+def test_a_look_refuses_a_plan_and_ends_if_nobody_waits_for_it(meanwhile: str) -> None:
+    ended: list[str] = []
+
+    async def look(state: PlanState, _: Compiled) -> None:
+        if state.plan == 1 and not meanwhile:
+            raise InputError("there is no server")
+        if state.plan == 1 and not ended:
+            try:
+                await asyncio.sleep(60.0)
+            finally:
+                ended.append("look")
+
+    async def client() -> list[str]:
+        bench = Bench()
+        queue = live(bench, look=look)
+        queue.submit(SLEEP)
+        queue.submit(SLEEP)
+        serving = asyncio.create_task(queue.serve())
+        await asyncio.sleep(0.02)
+        if meanwhile == "cancel":
+            queue.cancel(1)
+        elif meanwhile == "hold":
+            queue.hold("stopped")
+            await asyncio.sleep(0.1)
+            assert queue.state(1).status is Status.QUEUED
+            queue.release()
+        queue.close()
+        await serving
+        assert ended == ["look"] * bool(meanwhile)
+        assert queue.state(1).findings == (() if meanwhile else ("there is no server",))
+        return bench.statuses()
+
+    first = {"cancel": "CANCELLED", "hold": "COMPLETED", "": "REFUSED"}[meanwhile]
+    assert asyncio.run(client()) == [first, "COMPLETED"]
 
 
 class Thread(Runner):

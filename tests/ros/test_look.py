@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.ros.test_lists import INTERFACE, MOVE, PROVIDER
-from tests.ros.test_navigation import events, plan, provider_file, waypoint
+from tests.ros.test_navigation import POSE, events, plan, provider_file, waypoint
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -138,3 +138,19 @@ def test_an_interruption_ends_the_look(ros: Domain) -> None:
         before = time.monotonic()
         assert process.wait(20) == 130
         assert time.monotonic() - before < 5
+
+
+def test_topics_and_frames_are_looked_for(ros: Domain) -> None:
+    ros.server("nav2", "--map", "--tf", "odom")
+    grid = "nav2_capabilities/OccupancyGridRunner"
+    steps = (f'<Runner interface="{grid}" provider="{grid}"/>', POSE)
+    file = plan(ros, *steps)
+    ended = ros.gpsfsm("ros", "check", file, "--ros-args", "-r", "__ns:=/r1")
+    assert ended.returncode == 1, ended.stdout + ended.stderr
+    topic, frames, _ = ended.stdout.splitlines()
+    assert topic.startswith(f"{file}:2: {grid}: the topic /r1/map is not available (waited 5 s")
+    assert topic.endswith("; the robot has /map (nav_msgs/msg/OccupancyGrid)")
+    assert frames.startswith(f"{file}:3: nav2_capabilities/RobotPoseRunner: there is no transform ")
+    assert frames.endswith("; its frames: none")
+    there = ros.gpsfsm("ros", "check", file)
+    assert there.returncode == 0, there.stdout + there.stderr
