@@ -28,7 +28,7 @@ from gpsfsm.model.ros import (
     parameter_in,
 )
 from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Action, ForgottenError, Goal
-from gpsfsm.ros.ledger import OURS, Entry, GoalState, Said, Word, goal_id
+from gpsfsm.ros.ledger import LEDGER, OURS, Entry, GoalState, Said, Word, goal_id
 from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
 from gpsfsm.ros.node import Answer, RosError, RosNode, choose, process_node, rclpy_module
 from gpsfsm.ros.services import Service, absence, appeared
@@ -60,6 +60,7 @@ _ORDERS: Mapping[Comparison, Callable[[Any, Any], bool]] = {
     Comparison.BELOW: operator.lt,
 }
 _LEAST_S = 0.001
+_ACCEPTED_S = 0.5
 _LEFT_S = 4.0
 """What the end of a goal of a process before may take."""
 
@@ -303,12 +304,13 @@ class RosRunner(Runner):
     ) -> Mapping[str, RunValue]:
         message = self._kind.Goal()
         fill(message, _filled(self._call.request, parameters), self._call.optional)
-        feedback, left = _Feedback(self._call, context), self._there.pop(context.key, None)
-        goal: Goal = left or self._client.goal(context.key, feedback, context.log)
+        feedback, tell = _Feedback(self._call, context), _Lines(context)
+        left = self._there.pop(context.key, None)
+        goal: Goal = left or self._client.goal(context.key, feedback, tell)
         context.doubt = lambda: goal.doubt
         try:
             if left is not None:
-                await goal.follow(message, feedback, context.log)
+                await goal.follow(message, feedback, tell)
             elif not await goal.send(message):
                 raise RunnerError(f"{self._who} has rejected the goal")
             status, result = await goal.result()
@@ -464,6 +466,31 @@ def _holds(value: RunValue, comparison: Comparison, operand: RunValue) -> bool:
         if isinstance(each, bool | str | list):
             raise RosError(f"{each!r} cannot be compared by {comparison}: it is not a number")
     return bool(_ORDERS[comparison](value, operand))
+
+
+class _Lines:
+    """Lines of the ledger in the journal; called in any thread.
+
+    ACCEPTED waits a moment: a goal that ends before needs no such line, as its step ends with it,
+    and no next goal waits for the disk.
+    """
+
+    def __init__(self, context: RunContext) -> None:
+        self._context, self._loop = context, asyncio.get_running_loop()
+        self._last: Mapping[str, RunValue] = {}
+
+    def __call__(self, text: str, data: Mapping[str, RunValue]) -> None:
+        self._last = data
+        if data[LEDGER] != GoalState.ACCEPTED:
+            self._context.log(text, data)
+            return
+        later = self._loop.call_later
+        with suppress(RuntimeError):  # nobody waits any more
+            self._loop.call_soon_threadsafe(later, _ACCEPTED_S, self._write, text, data)
+
+    def _write(self, text: str, data: Mapping[str, RunValue]) -> None:
+        if self._last is data and OURS.may_act(str(data["goal"])):
+            self._context.log(text, data)
 
 
 class _Feedback:
