@@ -310,10 +310,6 @@ def _run(values: RunCommand) -> int:
             if scenario is not None and values.scenario:
                 plan = decision.prepared.compiled.automaton.plan
                 check_scenario(scenario, plan, values.scenario)
-        if values.dry_run:
-            from gpsfsm.running.looking import rehearse
-
-            return rehearse(submitted, values.model, as_json=values.output_format == "json")
         if groot is not None:
             terminal.groot = stack.enter_context(groot)
         return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
@@ -415,6 +411,10 @@ def _drive(
     from gpsfsm.running.session import OneWorld, Session
     from gpsfsm.watch.console import keyboard
 
+    if values.dry_run:
+        from gpsfsm.running.looking import rehearse
+
+        return rehearse(plans, values.model, as_json=values.output_format == "json")
     base, _, terminal = made
     bond = None if values.bond is None else Bond(values.bond)
     with ExitStack() as stack:
