@@ -5,6 +5,10 @@ action of the robot, and waits for lines on standard input. At ``stop`` it asks 
 cancel all of its goals, whoever has sent them; at ``ping`` it says that it could. It answers in
 lines of JSON, to ``stop 7`` with that number, and ends with its input.
 
+It also offers the stop as a service of ROS 2, ``gpsfsm/stop`` (std_srvs/srv/Trigger), and leaves
+it to the process that has started it: it writes ``{"called": 1}``, and is to read the response as
+``answer 1 {"success": true, "message": "…"}``.
+
 This is no emergency stop: it needs the network and the robot's own servers. SETTINGS is JSON:
 ``{"ros": {…}, "actions": [names]}``; actions that it sees on the graph below the namespace of the
 robot are cancelled as well.
@@ -14,14 +18,18 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
+from contextlib import suppress
 from importlib.util import find_spec
+from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.model.ros import RosKind, RosSettings
 from gpsfsm.ros.ledger import IN_DOUBT
-from gpsfsm.ros.node import RosNode, rclpy_module
+from gpsfsm.ros.messages import definition
+from gpsfsm.ros.node import RosError, RosNode, rclpy_module
 from gpsfsm.streams import Form, complain, to_stderr, to_stdout
 
 if TYPE_CHECKING:
@@ -42,6 +50,9 @@ _READY_S = 3.0
 _SEEN_S = 1.5
 """The same for a single stop."""
 _LOOK_S = 1.0
+SERVICE = "gpsfsm/stop"
+_SILENT_S = 3.3
+"""What the process that has started this one may take to stop everything."""
 _NOT_SEEN = 2
 _WHERE = "set the domain and the namespace in the robot profile, or after --ros-args"
 _MOST = 500  # actions
@@ -102,6 +113,8 @@ class Stopper:
         self._node = RosNode(settings, "gpsfsm_stopper")
         self._clients: dict[str, Any] = {}
         self._active: dict[str, int] = {}
+        self._numbers = count(1)
+        self._calls: dict[int, Any] = {}
         self._status = GoalStatusArray
         self._latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._required = {f"{self._node.name(name)}{_CANCEL}" for name in actions}
@@ -180,6 +193,45 @@ class Stopper:
                 problems.append(f"{action} cannot be seen any more, and had active goals")
         return {"cancelled": cancelled, "servers": len(pending), "problems": problems}
 
+    def offer(self) -> None:
+        """Offer the stop as a service; without its definition it is not there."""
+        try:
+            kind = definition("std_srvs/srv/Trigger")
+        except RosError as error:
+            to_stderr(f"gpsfsm: the service {SERVICE} is not offered: {error}\n")
+            return
+        from rclpy.callback_groups import ReentrantCallbackGroup
+        from rclpy.task import Future
+
+        async def stop(_request: Any, response: Any) -> Any:
+            number, said = next(self._numbers), Future()
+            self._calls[number] = said
+            silent = {"success": False, "message": "the service of gpsfsm does not answer"}
+            timer = threading.Timer(_SILENT_S, self.answer, (number, silent))
+            timer.daemon = True
+            timer.start()
+            _answer({"called": number})
+            row = await said
+            timer.cancel()
+            del self._calls[number]
+            response.success, response.message = row["success"] is True, str(row["message"])
+            return response
+
+        name, apart = self._node.name(SERVICE), ReentrantCallbackGroup()  # it holds up nothing
+        make = self._node.handle.create_service
+        self._node.do(lambda: make(kind, name, stop, callback_group=apart))
+
+    def answer(self, number: int, row: dict[str, Any]) -> None:
+        """Answer who has called the service; the first answer counts."""
+
+        def settle() -> None:
+            said = self._calls.get(number)
+            if said is not None and not said.done():
+                said.set_result(row)
+                self._node.call(lambda: None)  # the executor looks at what waits when it is woken
+
+        self._node.call(settle)
+
     def alive(self) -> bool:
         """True if the node spins; one that does not could cancel nothing."""
         return self._node.do(lambda: True)
@@ -199,6 +251,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _answer({"failed": str(error)})
         to_stderr(f"gpsfsm: no goal can be cancelled: {error}\n")
         return 2
+    stopper.offer()
     _answer({"ready": True})
     try:
         for line in sys.stdin:
@@ -206,6 +259,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if word == "stop":
                 which = {"stop": int(number)} if number.isdecimal() else {}
                 _answer({**which, **stopper.stop()})
+            elif word == "answer":
+                number, _, text = number.partition(" ")
+                with suppress(ValueError, KeyError):
+                    stopper.answer(int(number), json.loads(text))
             elif word == "ping":
                 _answer({"alive": stopper.alive()})
     except KeyboardInterrupt:
@@ -215,8 +272,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+_WRITING = threading.Lock()
+
+
 def _answer(row: dict[str, Any]) -> None:
-    to_stdout(json.dumps(row) + "\n", Form.JSON)
+    with _WRITING:
+        to_stdout(json.dumps(row) + "\n", Form.JSON)
 
 
 if __name__ == "__main__":

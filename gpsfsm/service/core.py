@@ -53,6 +53,22 @@ _DISK_S, _LOOK_S = 1.0, 1.0
 _Made = TypeVar("_Made")
 
 
+NOT_CONFIRMED = "it is not confirmed that everything has stopped"
+
+
+class Halted(NamedTuple):
+    """The effect of a stop: ``goals`` is None where no stopper is needed."""
+
+    held: str
+    plan: str | None
+    goals: int | None
+    problems: list[str]
+
+
+async def _nothing() -> None:
+    """No stopper is needed."""
+
+
 class Core:
     """The service without its HTTP. ``closing`` is set when it is about to stop.
 
@@ -105,7 +121,7 @@ class Core:
                 if settings.stopper:  # nothing moves before it can be stopped
                     from gpsfsm.service.stopper import Stopper
 
-                    self.stopper = Stopper(settings.stopper)
+                    self.stopper = Stopper(settings.stopper, self._requested_stop)
                     await self.stopper.start()
                 self._queue = PlanQueueClient(settings, self._stop_robot, self.traces)
                 await all_of(self._queue.start(), self.pool.start())
@@ -222,6 +238,31 @@ class Core:
         await self.draining.wait()
         assert self._queue is not None
         await self._queue.halt(STOPPED, HALT_S, renew=False)
+
+    async def stop_robot(self, reason: str) -> Halted:
+        """Stop all that moves, by the stopper and by the plan queue, independently."""
+        stopping = _nothing() if self.stopper is None else self.stopper.stop(STOP_S)
+        stopped, halted = await asyncio.gather(stopping, self.queue.halt(reason, HALT_S))
+        problems = [] if stopped is None else [*stopped.problems]
+        if halted["problem"]:
+            problems.append(halted["problem"])
+        problems += halted.get("open", ())
+        plan = halted.get("cancelled")
+        return Halted(
+            held=halted.get("held") or reason,
+            plan=str(plan) if plan else None,
+            goals=None if stopped is None else stopped.cancelled,
+            problems=problems,
+        )
+
+    async def _requested_stop(self) -> tuple[bool, str]:
+        """Stop it for who has called the service of ROS 2: if that is confirmed, and words."""
+        if self._queue is None:
+            return False, "the plan queue is not running"
+        halted = await self.stop_robot("stopped by a call of gpsfsm/stop")
+        if halted.problems:
+            return False, f"{NOT_CONFIRMED}: {'; '.join(halted.problems)}"
+        return True, f"everything has stopped; goals cancelled: {halted.goals}"
 
     def _stop_robot(self) -> None:
         """The process of the queue has ended: what it did may go on outside."""

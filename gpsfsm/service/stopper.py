@@ -6,6 +6,8 @@ input, and answers are lines of JSON::
     (when it can stop)      {"ready": true}
     stop 7                  {"stop": 7, "cancelled": 2, "problems": []}
     ping                    {"alive": true}
+    (when others call it)   {"called": 1}
+    answer 1 {"success": true, "message": "…"}
 
 An answer that is late says nothing of a later stop. It ends when its standard input does. It has to
 give signs of life now and then, and is started again if it does not: who notices that only when
@@ -15,6 +17,7 @@ something has to be stopped notices it too late.
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import subprocess
 from contextlib import suppress
@@ -28,7 +31,7 @@ from gpsfsm.strict_json import strict_loads
 from gpsfsm.workers.child_process import relay
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Awaitable, Callable, Sequence
 
 _READY_S = 30.0
 _BEAT_S = 2.0
@@ -37,6 +40,8 @@ _PAUSES_S = (0.1, 0.5, 1.0, 2.0, 5.0)
 _END_S = 5.0
 _MOST_LINE = 1 << 16
 _MOST_PROBLEMS, _LONGEST = 20, 500
+_MOST_REPLIES = 20
+"""Stops that others have asked for and that are under way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +53,17 @@ class Stopped:
 
 
 class Stopper:
-    """The stopper as the service sees it. Lives on one event loop."""
+    """The stopper as the service sees it. Lives on one event loop.
 
-    def __init__(self, command: Sequence[str]) -> None:
+    ``stop_all`` stops everything for others who call it, and says what has come of it.
+    """
+
+    def __init__(
+        self, command: Sequence[str], stop_all: Callable[[], Awaitable[tuple[bool, str]]]
+    ) -> None:
         self._command = tuple(command)
+        self._stop_all = stop_all
+        self._replies: set[asyncio.Task[None]] = set()
         self._process: asyncio.subprocess.Process | None = None
         self._ready = asyncio.Event()
         self._stops: dict[int, asyncio.Future[Stopped]] = {}  # by number, those without an answer
@@ -187,10 +199,19 @@ class Stopper:
             self._ready.set()
             for number in self._stops:  # the process before has ended without an answer
                 self._tell(f"stop {number}")
+        if type(called := answer.get("called")) is int and len(self._replies) < _MOST_REPLIES:
+            reply = asyncio.create_task(self._reply(called))
+            self._replies.add(reply)
+            reply.add_done_callback(self._replies.discard)
         if "cancelled" in answer and type(which := answer.get("stop")) is int:
             waiting = self._stops.pop(which, None)
             if waiting is not None and not waiting.done():
                 waiting.set_result(_stopped(answer))
+
+    async def _reply(self, number: int) -> None:
+        success, message = await self._stop_all()
+        row = json.dumps({"success": success, "message": message})
+        self._tell(f"answer {number} {row}")
 
     async def _beat(self) -> None:
         """Return when it is silent for too long."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import httpx
 
 from tests.ros.support import PATIENCE
+from tests.ros.test_stopper import answer, ended, stopper
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -168,3 +169,42 @@ def test_a_stop_is_not_confirmed_before_its_goal_cannot_begin(ros: Domain) -> No
         assert server.wait_for("result", id=drive)["status"] == "canceled"
         eventually(lambda: client.client.post("/v1/stop").status_code == 200)
         assert len(server.journal("goal")) == 1
+
+
+TRIGGER = ("/gpsfsm/stop", "std_srvs/srv/Trigger")
+
+
+def test_a_call_of_ros_stops_what_the_page_stops(ros: Domain) -> None:
+    server, caller = ros.server("nav2", "--speed", "0.1"), ros.client()
+    with service(ros) as client:
+        assert caller.call(*TRIGGER)["success"]
+        client.ask("POST", "/v1/queue/release")
+        server.command("think", seconds=6)
+        client.submit(8.0)
+        server.wait_for("asked")
+        response = caller.call(*TRIGGER)
+        assert not response["success"], "the goal may still begin"
+        assert "it is not confirmed that everything has stopped: the goal" in response["message"]
+        assert "to the action navigate_to_pose has no answer yet" in response["message"]
+        drive = server.wait_for("goal")["id"]
+        assert server.wait_for("result", id=drive)["status"] == "canceled"
+        assert client.held() == "stopped by a call of gpsfsm/stop"
+        eventually(lambda: caller.call(*TRIGGER)["success"])
+        assert len(server.journal("goal")) == 1
+
+
+def test_a_call_is_answered_if_nobody_stops_anything(ros: Domain) -> None:
+    ros.server("nav2")
+    caller = ros.client()
+    process = stopper(ros, ["navigate_to_pose"])
+    response = caller.call(*TRIGGER)
+    assert not response["success"]
+    assert response["message"] == "the service of gpsfsm does not answer"
+    assert answer(process) == {"called": 1}
+    caller.program.send("call", name=TRIGGER[0], of_type=TRIGGER[1], timeout=10.0, request={})
+    assert answer(process) == {"called": 2}
+    assert process.stdin is not None
+    process.stdin.write('answer 2 {"success": true, "message": "all"}\n')
+    process.stdin.flush()
+    assert caller.answers(2) == {"success": True, "message": "all"}
+    assert ended(process) == 0

@@ -6,13 +6,12 @@ that its client could have used up, and reaches the stopper and the plan queue i
 
 from __future__ import annotations
 
-import asyncio
 from typing import TYPE_CHECKING
 
 from pydantic import Field
 
 from gpsfsm.service.clients import client_of
-from gpsfsm.service.core import HALT_S, STOP_S
+from gpsfsm.service.core import NOT_CONFIRMED
 from gpsfsm.service.plan_queue import json_response, read_request
 from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer, Problem, Request
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.service.core import Core
     from gpsfsm.service.plan_queue import PlanQueueClient
-    from gpsfsm.service.stopper import Stopped
 
 
 _LONGEST_REASON = 10_000
@@ -84,32 +82,15 @@ def _real(core: Core) -> PlanQueueClient:
     return queue
 
 
-async def _nothing() -> None:
-    """No stopper is needed."""
-
-
 async def _stop(core: Core, request: HttpRequest) -> Response:
-    queue = _real(core)
-    reason = f"stopped by {client_of(request.scope)}"
-    stopping = core.stopper.stop(STOP_S) if core.stopper is not None else _nothing()
-    stopped: Stopped | None
-    stopped, halted = await asyncio.gather(stopping, queue.halt(reason, HALT_S))
-    problems = [] if stopped is None else [*stopped.problems]
-    if halted["problem"]:
-        problems.append(halted["problem"])
-    problems += halted.get("open", ())
-    plan = halted.get("cancelled")
+    _real(core)
+    halted = await core.stop_robot(f"stopped by {client_of(request.scope)}")
     answer = StopAnswer(
-        held=halted.get("held") or reason,
-        plan_id=str(plan) if plan else None,
-        goals=None if stopped is None else stopped.cancelled,
-        problems=problems,
+        held=halted.held, plan_id=halted.plan, goals=halted.goals, problems=halted.problems
     )
-    if problems:
+    if halted.problems:
         said = answer.model_dump(exclude={"problems"})
-        raise Problem(
-            503, f"it is not confirmed that everything has stopped: {'; '.join(problems)}", **said
-        )
+        raise Problem(503, f"{NOT_CONFIRMED}: {'; '.join(halted.problems)}", **said)
     return json_response(answer)
 
 
