@@ -10,15 +10,13 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.late import dataclass, pattern
+from gpsfsm.model.plan import Value
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from gpsfsm.model.plan import Value
-
-    Filling = Value | tuple["Filling", ...]
-
-
+Fill = Value | tuple["Fill", ...]
+"""What a field of a request is filled with: a value, or a list of such."""
 WHOLE = "."
 """In place of a path: all of a message, as text."""
 BEST_BY = "best by "
@@ -149,7 +147,7 @@ class RosCall:
     kind: RosKind
     name: str = ""
     types: tuple[str, ...] = ()
-    request: tuple[tuple[str, Filling], ...] = ()
+    request: tuple[tuple[str, Fill], ...] = ()
     optional: tuple[str, ...] = ()
     outputs: tuple[tuple[str, str], ...] = ()
     feedback: tuple[tuple[str, str], ...] = ()

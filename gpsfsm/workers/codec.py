@@ -37,6 +37,7 @@ _HOMES = {
     "DecidedBy": "gpsfsm.tasks.deciding",
     "Edit": "gpsfsm.fixing.fixer",
     "End": "gpsfsm.model.event",
+    "Fill": "gpsfsm.model.ros",
     "Event": "gpsfsm.model.event",
     "Formula": "gpsfsm.tasks.ltlf",
     "Location": "gpsfsm.model.plan",
@@ -99,6 +100,7 @@ def _to_plain(value: object) -> object:
 
 def _from_plain(kind: Any, value: Any) -> Any:
     """The value as one of this type."""
+    kind = _meant(kind)
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if not _has_form(kind, value):
         raise ValueError(f"this is not a {getattr(kind, '__name__', kind)}: {_shown(value)}")
@@ -113,6 +115,8 @@ def _from_plain(kind: Any, value: Any) -> Any:
         items = [_tuple((*arguments, int)[:2], each) for each in value]  # a Counter counts in int
         made: Any = dict if inspect.isabstract(origin) else origin
         return made(_complete(dict(items), value))
+    if _is_row(kind):
+        return kind(*_tuple(tuple(_resolved(kind).values()), value))
     if _is_data(kind):
         hints, parts = _hints(kind), value[kind.__name__]
         if not isinstance(parts, list) or len(parts) != len(hints):
@@ -124,12 +128,15 @@ def _from_plain(kind: Any, value: Any) -> Any:
 
 def _has_form(kind: Any, value: Any) -> bool:
     """True if a JSON value has the form of values of this type, but for its parts."""
+    kind = _meant(kind)
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin in (Union, types.UnionType):
         return any(_has_form(each, value) for each in arguments)
     if origin is Literal:
         return any(value == each and type(value) is type(each) for each in arguments)
-    if isinstance(origin, type) and issubclass(origin, tuple | frozenset | Mapping):
+    if _is_row(kind) or (
+        isinstance(origin, type) and issubclass(origin, tuple | frozenset | Mapping)
+    ):
         return isinstance(value, list)
     if _is_data(kind):
         return isinstance(value, dict) and set(value) == {kind.__name__}
@@ -150,6 +157,17 @@ def _complete(made: Any, value: list[Any]) -> Any:
 
 def _shown(value: object) -> str:
     return str(value)[:_SHOWN] if isinstance(value, _SCALARS) else f"a {type(value).__name__}"
+
+
+def _meant(kind: Any) -> Any:
+    """The type of a name: an alias that has itself as a part."""
+    name = kind.__forward_arg__ if isinstance(kind, typing.ForwardRef) else kind
+    return getattr(importlib.import_module(_HOMES[name]), name) if isinstance(name, str) else kind
+
+
+def _is_row(kind: Any) -> bool:
+    """True for a named tuple."""
+    return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")
 
 
 def _is_data(kind: Any) -> bool:

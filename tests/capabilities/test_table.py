@@ -44,6 +44,7 @@ from gpsfsm.model.ros import (
     RosCall,
     RosKind,
 )
+from gpsfsm.workers.codec import decode, encode
 from tests.capabilities.support import INTERFACE, PROVIDER, write
 
 RUNNERS = Path(gpsfsm.__file__).parents[1] / "runners"
@@ -124,6 +125,11 @@ def test_nothing_is_lost(library: Library) -> None:
     assert repr(loaded) == repr(library), "types of values are kept as well"
     assert dump(loaded) == text
     assert text.isascii()
+
+
+@given(libraries)
+def test_it_is_the_same_in_another_process(library: Library) -> None:
+    assert repr(decode(Library, encode(library))) == repr(library)
 
 
 def test_a_default_of_zero_is_not_false() -> None:
