@@ -82,7 +82,8 @@ def test_show_of_what_there_is_not() -> None:
     assert done.stdout == b""
     assert done.stderr.decode() == (
         "gpsfsm: there is no capability 'WaypointRuner'; "
-        "did you mean 'nav2_capabilities/WaypointRunner'?\n"
+        "did you mean 'nav2_capabilities/WaypointRunner' or "
+        "'nav2_capabilities/WaypointYawRunner'?\n"
     )
 
 
