@@ -73,9 +73,8 @@ WHOLE = {
 _HERE = re.escape(REPOSITORY.removeprefix("https://")) + r"(?![\w-])"
 NOT_RUN = {
     r"source /opt/ros/|ros2 ": "needs an installed ROS 2",
-    r"gpsfsm run .*--real\b|gpsfsm (dispatch|ros|capabilities pull)\b|.*--model prompt-tools": (
-        "needs a robot: tests/ros, tests/running"
-    ),
+    r"gpsfsm (?:run|resume) .*--real\b|gpsfsm (dispatch|ros|capabilities pull)\b"
+    r"|.*--model prompt-tools": "needs a robot: tests/ros, tests/running",
     r"ollama |llama-server |vllm |python -m sglang": "is the server of a model",
     r"python -m (verl|openrlhf)": "needs a trainer, and hours",
     r".*--jobs ray": "needs a Ray cluster: make test-ray",

@@ -100,13 +100,16 @@ class Offer:
             if parameter.name not in arriving:
                 yield parameter
 
+    @property
+    def arriving(self) -> list[str]:
+        """The values that the step before must hand over."""
+        inputs = self.provider.inputs
+        return [each.name for each in inputs if each.required and not _writable(each)]
+
     def _flow(self) -> Iterator[str]:
         """Values that come from the step before, and go to the next one."""
-        arriving = [
-            value.name for value in self.provider.inputs if value.required and not _writable(value)
-        ]
-        if arriving:
-            names = ", ".join(arriving)
+        if self.arriving:
+            names = ", ".join(self.arriving)
             yield f"- Must stand right behind a step that gives: {clip(names, _MAX_DETAIL)}"
         outputs = [
             f"{value.name} ({value.type.value or 'any'})"
@@ -122,9 +125,9 @@ class Offer:
 def offers(library: Library, only: Sequence[str] = ()) -> tuple[Offer, ...]:
     """The runners that can be run, by name: described, or with the command that writes them.
 
-    Deprecated ones are left out, and the one that ends a plan, which no plan needs. ``only`` are
-    patterns such as ``nav2_capabilities/*``; raises UsageError for one that
-    matches nothing.
+    Deprecated ones are left out, the one that ends a plan, which no plan needs, and unless ``only``
+    names them those that need what no runner hands over. ``only`` are patterns such as
+    ``nav2_capabilities/*``; raises UsageError for one that matches nothing.
     """
     offered = []
     for name in library.interface_names:
@@ -137,7 +140,9 @@ def offers(library: Library, only: Sequence[str] = ()) -> tuple[Offer, ...]:
             if not provider.deprecated and (provider.described or provider.command)
         ]
     if not only:
-        return tuple(offered)
+        handed = {each.name for offer in offered for each in offer.provider.outputs}
+        is_any = any(not offer.provider.described for offer in offered)
+        return tuple(each for each in offered if is_any or handed.issuperset(each.arriving))
     for pattern in only:
         if not any(_matches(offer.name, pattern) for offer in offered):
             raise UsageError(

@@ -25,7 +25,7 @@ from gpsfsm.generation.prompt_builder import (
     world_facts,
 )
 from gpsfsm.grammars import grammars_for
-from gpsfsm.model.capability import Interface, Parameter, Provider, ValueType
+from gpsfsm.model.capability import Interface, Output, Parameter, Provider, ValueType
 from gpsfsm.simulation.load import load_world
 
 LIBRARY = builtin_capabilities().library
@@ -61,6 +61,24 @@ def test_deprecated_and_undescribed_ones_are_not_offered() -> None:
     assert "nav2_capabilities/WaypointRunner" in names
     bare = Library((Interface("a/B"),), (Provider("a/B", "a/B"),))
     assert offers(bare) == ()
+
+
+def test_one_that_needs_what_no_runner_hands_over_is_offered_if_it_is_named() -> None:
+    tells = "prompt_capabilities/PromptNamedPosesRunner"
+    assert tells not in {offer.name for offer in offers(LIBRARY)}
+    assert [offer.name for offer in offers(LIBRARY, [tells])] == [tells]
+    arm = Provider(
+        "arm/Poses",
+        "arm/Poses",
+        described=True,
+        outputs=(Output("pose_names", ValueType.STRINGS), Output("descriptions")),
+    )
+    more = replace(
+        LIBRARY,
+        interfaces=(*LIBRARY.interfaces, Interface("arm/Poses")),
+        providers=(*LIBRARY.providers, arm),
+    )
+    assert {tells, "arm/Poses"} <= {offer.name for offer in offers(more)}
 
 
 def test_an_old_file_is_offered_with_its_command() -> None:
