@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import re
 import signal
 import subprocess
 import tempfile
@@ -32,6 +33,9 @@ _NOT_INHERITED = ("ROS_", "RMW_", "FASTDDS_", "FASTRTPS_", "AMENT_", "CYCLONEDDS
 _SHARED_MEMORY = Path("/dev/shm")  # noqa: S108
 _FIRST_PORT, _PORTS = 7400, 250
 """Fast DDS numbers the ports of a domain so; a port in shared memory is a file of that number."""
+_TAKEN_PORT = re.compile(r"^.*RTPS_TRANSPORT_SHM.* init_port fastdds_port70\d\d\b.*\n", re.M)
+"""A complaint of Fast DDS about a port that belongs to no domain of the tests, so that processes of
+several of them may want it in the same moment. It goes on without."""
 _DOMAINS = range(1, 102)
 """Those whose ports no other program is likely to have; 0 is the one of everybody."""
 
@@ -240,7 +244,7 @@ class Domain:
         timeout: float = PATIENCE,
     ) -> subprocess.CompletedProcess[str]:
         """The interpreter that has ROS 2, in the folder of the test, when it has ended."""
-        return subprocess.run(
+        ended = subprocess.run(
             [str(PYTHON), *words],
             input=stdin,
             env=environment or self.environment(),
@@ -250,6 +254,8 @@ class Domain:
             timeout=timeout,
             check=False,
         )
+        ended.stderr = _TAKEN_PORT.sub("", ended.stderr)
+        return ended
 
     @contextmanager
     def running(
