@@ -17,6 +17,7 @@ from gpsfsm.cli._gating import (
 from gpsfsm.cli._help import ANY_PATH, CommandGroup, Section, declare, declare_file
 from gpsfsm.cli._options import LibraryValues, NumberRange, Values, library_options, read_values
 from gpsfsm.cli._running import LogValues, log_options, ros_option, ros_settings
+from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -184,6 +185,8 @@ def _gate(context: click.Context, /, **_: object) -> int:
 def _check(context: click.Context, /, **_: object) -> int:
     """Run ``gpsfsm ros check``."""
     values = read_values(context, RosCheckCommand)
+    if values.offline and values.ros_args:
+        raise UsageError("--offline and --ros-args cannot be used together: no robot is looked at")
     from gpsfsm.running.looking import check_for_robot
 
     capabilities = values.library
@@ -217,14 +220,6 @@ def _stop(context: click.Context, /, **_: object) -> int:
 def _status(context: click.Context, /, **_: object) -> int:
     """Run ``gpsfsm ros status``."""
     values = read_values(context, RosStatusCommand)
-    from gpsfsm.execution.journal_file import silence_of
-    from gpsfsm.execution.journal_read import JournalReader
-    from gpsfsm.ros.ledger import IN_DOUBT
-    from gpsfsm.running.goals import ledger_of, status_lines
-    from gpsfsm.streams import Form, to_stdout
+    from gpsfsm.running.goals import show_status
 
-    silence = silence_of(values.journal)  # first: it lets go of the locks of this process
-    with JournalReader(values.journal) as reader:
-        goals = ledger_of(reader, silence, values.number)
-    to_stdout("".join(f"{line}\n" for line in status_lines(goals)), Form.TEXT)
-    return IN_DOUBT if any(each.may_act for each in goals) else 0
+    return show_status(values.journal, values.number)

@@ -63,6 +63,9 @@ _SETTINGS = frozenset(
 )
 
 
+_OF_A_RUN = ("journal", "max_plans", "max_visits", "timeout", "bond", "groot", "verbose")
+"""Options that say nothing of what a run would send."""
+
 _RUNNER_OPTIONS = (
     declare_file(
         "--world",
@@ -259,8 +262,8 @@ def _refuse_contradictions(values: RunCommand) -> None:
         raise UsageError("there are more plans than --max-plans allows; raise it or pass fewer")
     if len(values.paths) > 1 and values.scenario:
         raise UsageError("--scenario takes one plan")
-    if values.dry_run and values.journal:
-        raise UsageError("--dry-run and --journal cannot be used together")
+    if idle := [name for name in _OF_A_RUN if values.dry_run and getattr(values, name)]:
+        raise UsageError(f"--dry-run and --{idle[0].replace('_', '-')} cannot be used together")
     for name in (*PERMISSIONS, "bond", "via", "ros_args", "dry_run"):
         if getattr(values, name) and not values.real:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")

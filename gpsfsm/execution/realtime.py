@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.lane import Action, Lane, Residents, on_loop
-from gpsfsm.execution.records import Input, Kind, Start
+from gpsfsm.execution.records import AWAITED, DOUBTED, Input, Kind, Start
 from gpsfsm.execution.replay import Adopting, is_wanted, settle, take_up
 from gpsfsm.execution.runner import (
     InDoubtError,
@@ -531,7 +531,7 @@ class RealtimeDriver(Adopting):
         now = time.monotonic()
         if not acting.until:
             acting.until = now + self._doubt_s
-            line = f"it is waited for, for at most {self._doubt_s:g} s: {doubt}"
+            line = f"{AWAITED}, for at most {self._doubt_s:g} s: {doubt}"
             self._log(acting.number, acting.context.element, line)
         return now < acting.until
 
@@ -539,9 +539,9 @@ class RealtimeDriver(Adopting):
         """End the run: nobody can say what an instance still does outside."""
         self.doubts.append(doubt)
         data: dict[str, RunValue] = {"left": "unknown"}
-        self._log(acting.number, acting.context.element, f"in doubt: {doubt}", data)
-        self.deliver(Input(Kind.CANCEL, message=f"in doubt: {doubt}"))
-        self._leave(acting, Input(Kind.STOPPED, acting.number, message="in doubt"))
+        self._log(acting.number, acting.context.element, f"{DOUBTED}: {doubt}", data)
+        self.deliver(Input(Kind.CANCEL, message=f"{DOUBTED}: {doubt}"))
+        self._leave(acting, Input(Kind.STOPPED, acting.number, message=DOUBTED))
 
     # -- lines of runners -------------------------------------------------------------------
 

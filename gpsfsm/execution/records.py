@@ -75,6 +75,8 @@ class Kind(StrEnum):
 
 MARKS = (Kind.LOG, Kind.NOTE, Kind.CONTINUED, Kind.RESTARTED)
 """Kinds of inputs that only the journal is told of, never the kernel."""
+AWAITED, DOUBTED = "it is waited for", "in doubt"
+"""The beginnings of the lines about what may still act outside: for a while, and at the end."""
 
 
 @dataclass(frozen=True, slots=True)

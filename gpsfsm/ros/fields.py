@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.ros import WHOLE, Comparison, RosKind, parameter_in
-from gpsfsm.ros.messages import NoCountError, fill, kind_at, misfit
+from gpsfsm.ros.messages import NUMBERS, NoCountError, fill, kind_at, misfit
 from gpsfsm.ros.node import RosError
 from gpsfsm.ros.runner import parameter_value
+from gpsfsm.ros.topics import check_conditions
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 
 _ORDERED = (Comparison.AT_LEAST, Comparison.AT_MOST, Comparison.ABOVE, Comparison.BELOW)
-_NUMBERS = ("int", "uint", "float", "double", "char")
 
 
 def settled(
@@ -137,17 +137,32 @@ def answer_misses(
     """The reasons why what a call reads can never be in its answer."""
     misses: dict[str, None] = {}
     needed = [("outputs", path) for _, path in call.outputs if path != WHOLE]
-    alternatives = {"success": call.success, "until": call.until}
-    for key, sets in alternatives.items():
+    for key, sets in (("success", call.success), ("until", call.until)):
         needed += [(key, field) for each in sets for field, _, _ in each]
     for key, path in needed:
         if (why := _unreadable(message, path)) and path not in call.optional:
             misses[f"{key}: {why}"] = None
-    for key, sets in alternatives.items():
-        never = [] if misses else [_never(message, each, parameters, open_names) for each in sets]
+    if not misses:
+        never = [_never(message, each, parameters, open_names) for each in call.success]
         if never and all(never):
-            misses[f"{key}: {'; '.join(dict.fromkeys(never))}"] = None
+            misses[f"success: {'; '.join(dict.fromkeys(never))}"] = None
+        if why := _unwatched(message, call, parameters, open_names):
+            misses[why] = None
     return [*misses]
+
+
+def _unwatched(
+    message: Any, call: RosCall, parameters: Mapping[str, RunValue], open_names: Collection[str]
+) -> str:
+    """The reason why a topic cannot be watched for what is settled; "" if it can."""
+    try:
+        for each in (each for conditions in call.until for each in conditions):
+            value, is_settled = settled(each.value, parameters, open_names)
+            if is_settled:
+                check_conditions(message, [[each._replace(value=value)]])
+    except RosError as error:
+        return str(error)
+    return ""
 
 
 def lesser_misses(kind: Any, call: RosCall) -> list[str]:
@@ -202,7 +217,7 @@ def _apart(kind: str, comparison: Comparison, value: RunValue) -> str:
     if comparison is Comparison.IS_NOT or kind.endswith((">", "]")):
         return ""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if kind.startswith(_NUMBERS):
+    if kind.startswith(NUMBERS):
         fits = is_number
     elif comparison in _ORDERED:
         fits = False

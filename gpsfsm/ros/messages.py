@@ -33,6 +33,8 @@ _SEQUENCE = re.compile(r"sequence<(.+?)(?:, *(\d+))?>|(.+)\[(\d+)\]")
 _APART = re.compile(r"\s*[,;]\s*|\s+")
 _DECIMAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _LARGEST_FLOAT = 3.4028234663852886e38
+NUMBERS = ("int", "uint", "float", "double", "char")
+"""The beginnings of the types of numbers."""
 _MAX_ITEMS = 1_000_000
 _MAX_DEPTH = 20
 _OCCUPIED = 50  # of 100: how sure the map is that there is something

@@ -286,13 +286,16 @@ class RosRunner(Runner):
 
     async def left(self, key: str) -> str:
         """Cancel the goal that a process which has ended had sent."""
-        if said := self._said.get(goal_id(key).hex, ""):
-            return f"{self._who}: a person says that it has {said}"
+        if self._call.kind not in (RosKind.ACTION, RosKind.SERVICE):
+            return ""
+        word, problem = self._said.get(goal_id(key).hex), ""
+        if self._call.kind is RosKind.ACTION:  # whatever a person says of it
+            problem = await self._client.goal(key).cancel_left(_LEFT_S)
+        if word:
+            ended = "never began" if word == Word.NEVER else f"has {word}"
+            return f"{self._who}: a person says that it {ended}"
         if self._call.kind is RosKind.SERVICE:
             raise RunnerError("a request cannot be withdrawn")
-        if self._call.kind is not RosKind.ACTION:
-            return ""
-        problem = await self._client.goal(key).cancel_left(_LEFT_S)
         if problem:
             raise InDoubtError(problem)
         return f"{self._who}: its goal was cancelled, or had ended"

@@ -20,7 +20,7 @@ from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.execution.records import MARKS, Kind, Record, Status
+from gpsfsm.execution.records import AWAITED, DOUBTED, MARKS, Kind, Record, Status
 from gpsfsm.ros.messages import definition
 from gpsfsm.ros.node import RosError, node_if_made
 
@@ -37,7 +37,6 @@ _PERIOD_S = 1.0
 _MOST = 50  # of the active ones, and of the failed ones
 _SECOND = 1_000_000
 _WARNS = (Kind.FAILED, Kind.TIMEOUT, Kind.NOT_LOADED, Kind.CANCEL, Kind.LATE)
-_IN_DOUBT = ("in doubt", "it is waited for")
 _OVER = frozenset({Kind.SUCCEEDED, Kind.FAILED, Kind.TIMEOUT, Kind.STOPPED})
 
 
@@ -134,7 +133,7 @@ class Rosout:
 def _severity(record: Record) -> int:
     """INFO, WARN or ERROR, as rcl_interfaces/msg/Log numbers them."""
     ending = (record.data or {}).get("status") if record.kind is Kind.ENDED else None
-    if ending in (None, Status.COMPLETED) and not record.message.startswith(_IN_DOUBT):
+    if ending in (None, Status.COMPLETED) and not record.message.startswith((AWAITED, DOUBTED)):
         return 30 if record.kind in _WARNS else 20
     return 30 if ending == Status.CANCELLED else 40
 

@@ -16,7 +16,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from gpsfsm.model.ros import Comparison, Durability, Reliability
-from gpsfsm.ros.messages import definition, first_definition, kind_at
+from gpsfsm.ros.messages import NUMBERS, definition, first_definition, kind_at
 from gpsfsm.ros.node import RosError
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ _MOST_BYTES = 16_000_000
 """Of messages that wait for a watch to look at them."""
 _RECENT = 64
 _Word = TypeVar("_Word", Reliability, Durability)
-_NUMBERS = ("int", "uint", "float", "double", "char")
 
 
 class Offer(NamedTuple):
@@ -198,7 +197,9 @@ def stamp_s(message: Any) -> float | None:
 
 
 def check_conditions(
-    message: Any, sets: Iterable[Iterable[Condition]], value: Callable[[Any], Any]
+    message: Any,
+    sets: Iterable[Iterable[Condition]],
+    value: Callable[[Any], Any] = lambda operand: operand,
 ) -> None:
     """Refuse comparisons that hold of no message, for which a watch would wait for ever, or of all.
 
@@ -207,7 +208,7 @@ def check_conditions(
     for field, comparison, operand in (each for conditions in sets for each in conditions):
         kind, wanted = kind_at(message, field), value(operand)
         is_number = isinstance(wanted, int | float) and not isinstance(wanted, bool)
-        if kind.startswith(_NUMBERS):
+        if kind.startswith(NUMBERS):
             fits = is_number
         elif kind == "boolean":
             fits = isinstance(wanted, bool)

@@ -12,17 +12,20 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import InputError, UsageError
+from gpsfsm.execution.journal_file import silence_of
+from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.records import Kind
 from gpsfsm.execution.runner import visited
 from gpsfsm.model.printable import clip
-from gpsfsm.model.ros import RosKind, RosSettings
-from gpsfsm.ros.ledger import LEDGER, MAY_ACT, GoalState, Word, goal_id
+from gpsfsm.model.ros import OnResume, RosKind, RosSettings
+from gpsfsm.ros.ledger import IN_DOUBT, LEDGER, MAY_ACT, GoalState, Word, goal_id
 from gpsfsm.running.prepare import FABRIC, REAL, stored
+from gpsfsm.streams import Form, to_stdout
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
-    from gpsfsm.execution.journal_read import JournalReader, StoredRun
+    from gpsfsm.execution.journal_read import StoredRun
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.running.prepare import Prepared
 
@@ -46,6 +49,7 @@ class StepGoal:
     step: str
     server: str
     resources: tuple[str, ...]
+    on_resume: OnResume = OnResume.ASK
     state: GoalState = GoalState.IN_FLIGHT
     how: str = ""
     why: str = ""
@@ -137,10 +141,11 @@ class _Maker:
             f"{self._words.line(row.node)}  {self._words.node(row.node)}",
             f"the {call.kind.value} {call.name}",
             described.resources,
+            call.on_resume,
         )
 
 
-def taken_words(goals: Iterable[StepGoal], texts: Iterable[str]) -> dict[str, str]:
+def taken_words(goals: Sequence[StepGoal], texts: Iterable[str]) -> dict[str, str]:
     """The words of a person about goals, ``ID=word`` each, by whole ids. Raises UsageError."""
     open_goals = [each.goal for each in goals if each.may_act]
     said: dict[str, str] = {}
@@ -152,8 +157,21 @@ def taken_words(goals: Iterable[StepGoal], texts: Iterable[str]) -> dict[str, st
         if len(meant) != 1:
             shown = ", ".join(each[:8] for each in open_goals) or "none"
             raise UsageError(f"--goal {text}: the open goals of the run are {shown}")
-        said[meant[0]] = word
+        goal = next(each for each in goals if each.goal == meant[0])
+        if goal.on_resume is not OnResume.ASK:
+            why = f"its runner has on_resume: {goal.on_resume.value}"
+            raise UsageError(f"--goal {text} has no effect: {why}")
+        said[goal.goal] = word
     return said
+
+
+def show_status(journal: str, number: int | None) -> int:
+    """Write the goals of a run of a journal: exit code 3 if one may act. Raises GpsfsmError."""
+    silence = silence_of(journal)  # first: it lets go of the locks of this process
+    with JournalReader(journal) as reader:
+        goals = ledger_of(reader, silence, number)
+    to_stdout("".join(f"{line}\n" for line in status_lines(goals)), Form.TEXT)
+    return IN_DOUBT if any(each.may_act for each in goals) else 0
 
 
 def status_lines(goals: Iterable[StepGoal]) -> list[str]:

@@ -123,14 +123,14 @@ def check_for_robot(
 def ros_steps(prepared: Prepared, maker: Maker) -> list[Step]:
     """The steps of a plan that act on ROS 2, and behind them the runners that they depend on."""
     kernel, plan = prepared.kernel(), prepared.compiled.automaton.plan
-    sources, steps = _sources(prepared), list[Step]()
+    steps = list[Step]()
     for number, element in enumerate(plan.runners):
         key = kernel.runners[kernel.runner_of[number]]
         if not _is_ros(maker, key):
             continue
         binding = prepared.compiled.bindings[number]
         values = parameters(element, binding, {})
-        open_names = _open_names(prepared, number, sources)
+        open_names = _open_names(prepared, number)
         place = f"{element.file or prepared.heading.file}:{element.line}"
         steps.append(Step(place, *key, values, open_names))
     used = {step.key for step in steps}
@@ -153,26 +153,9 @@ def _names(provider: Provider) -> frozenset[str]:
     return frozenset(names.union(each.name for each in provider.inputs))
 
 
-def _open_names(prepared: Prepared, number: int, sources: Mapping[int, set[int]]) -> frozenset[str]:
-    """The parameters of an instance whose values the steps right before it may hand over."""
-    automaton, bindings = prepared.compiled.automaton, prepared.compiled.bindings
-    binding = bindings[number]
-    if binding is None or automaton.plan.vocabulary is Vocabulary.TREE:
+def _open_names(prepared: Prepared, number: int) -> frozenset[str]:
+    """The parameters of an instance whose values the step right before it may hand over."""
+    binding = prepared.compiled.bindings[number]
+    if binding is None or prepared.compiled.automaton.plan.vocabulary is Vocabulary.TREE:
         return frozenset()  # leaves hand nothing over
-    names, arriving = _names(binding.provider), set[str]()
-    for source in sources.get(automaton.runner_node(number), ()):
-        before = bindings[source]
-        if before is None:
-            return names
-        arriving |= {each.name for each in before.provider.outputs}
-    return names & arriving
-
-
-def _sources(prepared: Prepared) -> dict[int, set[int]]:
-    """The instances right before each node, by their numbers."""
-    automaton, sources = prepared.compiled.automaton, dict[int, set[int]]()
-    runners = {each.index for each in automaton.runners}
-    for source, _, target in automaton.edges:
-        if source in runners:
-            sources.setdefault(target, set()).add(automaton.runner_number(source))
-    return sources
+    return frozenset(each for each in _names(binding.provider) if not binding.settled(each))

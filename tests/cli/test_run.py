@@ -161,6 +161,14 @@ def test_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--scenario", "a", "--real"], "--scenario and --real cannot be used together"),
         (["--finding", "1"], "--finding needs --scenario"),
         (["--via", "capabilities2"], "--via needs --real"),
+        (["--dry-run"], "--dry-run needs --real"),
+        *(
+            (["--real", "--dry-run", *words], f"--dry-run and {words[0]} cannot be used together")
+            for words in (
+                *(("--journal", "a.db"), ("--max-plans", "3"), ("--max-visits", "3")),
+                *(("--timeout", "3"), ("--bond", "3"), ("--groot", "1667"), ("--verbose",)),
+            )
+        ),
         (["--real", "--via", "fabric"], "'fabric' is not"),
         (["--failure", "0.5", "--real"], "--failure cannot be used with --real"),
         (["--speed", "2", "--real"], "--real and --speed cannot be used together"),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -16,8 +18,10 @@ from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.journal import Journal
 from gpsfsm.execution.journal_file import silence_of
 from gpsfsm.execution.journal_read import JournalReader
-from gpsfsm.execution.runner import Runner, RunnerError
+from gpsfsm.execution.runner import InDoubtError, Runner, RunnerError
+from gpsfsm.model.ros import RosCall, RosKind
 from gpsfsm.ros.ledger import LOST, Entry, GoalState, Ledger, Said, goal_id
+from gpsfsm.ros.runner import RosRunner
 from gpsfsm.running.goals import ledger_of, status_lines
 
 if TYPE_CHECKING:
@@ -113,6 +117,34 @@ def test_the_states_of_goals_by_the_journal(
     tmp_path: Path, script: tuple[str, ...], fails: bool, states: list[str]
 ) -> None:
     assert goals(tmp_path, *script, fails=fails) == states
+
+
+class Clients:
+    """The action of a robot; what is cancelled does not answer."""
+
+    def __init__(self) -> None:
+        self.cancelled: list[str] = []
+
+    def goal(self, key: str) -> Any:
+        async def cancel_left(_within_s: float) -> str:
+            self.cancelled.append(key)
+            return "it does not answer"
+
+        return SimpleNamespace(cancel_left=cancel_left)
+
+
+@pytest.mark.parametrize("word", [None, "ended", "never", "succeeded"])
+def test_a_goal_is_cancelled_whatever_a_person_says(word: str | None) -> None:
+    runner, clients = RosRunner(), Clients()
+    runner._call, runner._client = RosCall(RosKind.ACTION), clients
+    runner._said = {} if word is None else {goal_id("k").hex: word}
+    if word is None:
+        with pytest.raises(InDoubtError, match="does not answer"):
+            asyncio.run(runner.left("k"))
+    else:
+        said = "never began" if word == "never" else f"has {word}"
+        assert asyncio.run(runner.left("k")).endswith(f"a person says that it {said}")
+    assert clients.cancelled == ["k"]
 
 
 def test_a_ledger_needs_a_run(tmp_path: Path) -> None:

@@ -100,6 +100,13 @@ def test_without_a_robot_the_definitions_say_what_does_not_fit(ros: Domain) -> N
     ]
 
 
+def test_a_look_without_a_robot_has_no_use_for_where_it_is(ros: Domain) -> None:
+    file = plan(ros, MOVE.format("1 2"))
+    ended = ros.gpsfsm("ros", "check", file, "--offline", "--ros-args", "-r", "__ns:=/r1")
+    assert ended.returncode == 2
+    assert "--offline and --ros-args cannot be used together" in ended.stderr
+
+
 def test_a_dry_run_fills_every_message_and_sends_none(ros: Domain) -> None:
     server = ros.server("arm")
     folder = arm(ros)

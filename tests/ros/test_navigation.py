@@ -276,7 +276,11 @@ def test_a_resumed_run_cancels_what_is_not_to_go_on(ros: Domain) -> None:
     server = ros.server("nav2", "--speed", "0.1")
     steps = plan(ros, waypoint(3.0, provider=MINE), recovery(LOG))
     goal = killed_in_a_drive(ros, server, steps, "--capabilities", folder)
-    ended = ros.gpsfsm("resume", "--real", "run.db", "--capabilities", folder)
+    words = ("resume", "--real", "run.db", "--capabilities", folder)
+    refused = ros.gpsfsm(*words, "--goal", f"{goal[:8]}=ended")
+    assert refused.returncode == 2
+    assert "has no effect: its runner has on_resume: cancel" in refused.stderr
+    ended = ros.gpsfsm(*words)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert RECOVERED in ended.stdout
     assert server.wait_for("result", id=goal)["status"] == "canceled"

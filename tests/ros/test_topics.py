@@ -176,7 +176,7 @@ def test_a_watch_notices_that_its_publisher_has_gone(ros: Domain) -> None:
 def test_a_watch_that_can_never_end_does_not_begin(ros: Domain) -> None:
     code, out = ran(ros, DOOR + "  until: {data: 1}\n  late: true\n")
     assert code == 2
-    assert "plan.xml:2: demo/R0: until: data is a boolean, and never == 1" in out
+    assert "plan.xml:2: demo/R0: 'until' compares data, a boolean, with == 1" in out
 
 
 def test_a_message_between_two_steps_is_not_lost(ros: Domain) -> None:

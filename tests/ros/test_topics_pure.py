@@ -9,8 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.model.ros import Comparison, Condition, Durability, Quality, Reliability
+from gpsfsm.model.ros import (
+    Comparison,
+    Condition,
+    Durability,
+    Quality,
+    Reliability,
+    RosCall,
+    RosKind,
+)
 from gpsfsm.ros import topics
+from gpsfsm.ros.fields import answer_misses
 from gpsfsm.ros.node import RosError
 from gpsfsm.ros.topics import (
     Cause,
@@ -177,6 +186,7 @@ def test_conditions_that_can_hold() -> None:
         *(Condition("level", ABOVE, 1), Condition("text", IS, "b"), Condition("items[]", ABOVE, 0)),
     ):
         check_conditions(Made(), [[condition]], lambda value: None if value == "$absent" else value)
+        assert answer_misses(Made(), RosCall(RosKind.TOPIC, until=((condition,),)), {}) == []
 
 
 @pytest.mark.parametrize(
@@ -198,3 +208,7 @@ def test_conditions_that_can_hold() -> None:
 def test_conditions_that_never_hold_are_refused(condition: Condition) -> None:
     with pytest.raises(RosError, match=r"'until' compares|has no field"):
         check_conditions(Made(), [[condition]], lambda value: None if value == "$absent" else value)
+    call = RosCall(RosKind.TOPIC, until=((Condition("text", IS, "a"),), (condition,)))
+    assert len(answer_misses(Made(), call, {})) == 1, "before the first goal, too"
+    if condition.value == "$absent":
+        assert answer_misses(Made(), call, {}, {"absent"}) == [], "the run may have a value"
